@@ -1,0 +1,133 @@
+"""Products on disk: written whole or not at all, with where they came from."""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+from erm import __version__
+from erm.errors import DataError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SOFTWARE = f"sounder-to-map {__version__}"
+CONVENTIONS = "CF-1.11"
+
+
+@contextmanager
+def atomic_path(target: Path | str) -> Iterator[Path]:
+    """Yield a temporary path beside ``target`` that takes its place when the block ends well.
+
+    The file is flushed to disk before the rename, so a reader sees the old file or the whole new one. When the
+    block raises, Ctrl-C included, the temporary file is removed and ``target`` is as it was.
+
+    Raises
+    ------
+    DataError
+        The folder cannot be made or written to.
+    """
+    target = Path(target)
+    temporary = target.with_name(f".{target.name}.{uuid4().hex[:8]}.part{target.suffix}")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary.touch()
+        temporary.unlink()  # some writers refuse to overwrite
+    except OSError as error:
+        raise DataError(f"{target}: cannot be written ({error.strerror}); choose a writable folder") from error
+    try:
+        yield temporary
+        descriptor = os.open(temporary, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        os.replace(temporary, target)
+    except BaseException:
+        with suppress(FileNotFoundError):
+            temporary.unlink()
+        raise
+
+
+def sha256(path: Path | str) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def provenance(
+    title: str, history: str, *, inputs: Iterable[Path | str] = (), options: Mapping[str, Any] | None = None
+) -> dict[str, str]:
+    """Root attributes every product carries.
+
+    There is no time of day among them: the same inputs, options and software give the same bytes.
+
+    Parameters
+    ----------
+    title : str
+        What the product is, one line.
+    history : str
+        The step that made it, as a user would type it.
+    inputs : iterable of path
+        Files read; stored by name with their SHA-256.
+    options : mapping
+        Every processing option; stored as JSON.
+    """
+    return {
+        "Conventions": CONVENTIONS,
+        "title": title,
+        "source": SOFTWARE,
+        "history": history,
+        "software_version": __version__,
+        "input_sha256": json.dumps({Path(path).name: sha256(path) for path in inputs}, sort_keys=True),
+        "processing_options": json.dumps(dict(options or {}), sort_keys=True, default=str),
+    }
+
+
+def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> None:
+    """Write datasets as the groups of one netCDF4-compatible HDF5 file, whole or not at all.
+
+    Parameters
+    ----------
+    groups : mapping of str to xarray.Dataset
+        ``"/"`` is the root group.
+    target : path
+        The file.
+    """
+    with atomic_path(target) as temporary:
+        for mode, (group, dataset) in zip(["w"] + ["a"] * len(groups), groups.items(), strict=False):
+            dataset.to_netcdf(
+                temporary,
+                mode=mode,  # type: ignore[arg-type] # a literal, chosen in the loop
+                group=group,
+                engine="h5netcdf",
+                invalid_netcdf=any(variable.dtype.kind == "c" for variable in dataset.variables.values()),
+            )
+
+
+def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
+    """Load one group of a product into memory and close the file.
+
+    Raises
+    ------
+    DataError
+        The file is missing, is not HDF5, or has no such group.
+    """
+    import h5py  # imported slowly: --help must not pay for it
+    import xarray as xr
+
+    path = Path(path)
+    if not path.is_file():
+        raise DataError(f"{path}: no such file")
+    if not h5py.is_hdf5(path):
+        raise DataError(f"{path}: not an HDF5 file; expected a product of this software")
+    with h5py.File(path, "r") as file:
+        present = group in file
+    if not present:
+        raise DataError(f"{path}: has no group {group}; expected a product of this software")
+    with xr.open_dataset(path, group=group, engine="h5netcdf") as dataset:
+        return dataset.load()
