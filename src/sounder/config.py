@@ -1,0 +1,242 @@
+"""The sounder description: what the instrument is, read from TOML, frozen and validated."""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from erm.errors import DataError
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    """A TOML table: unknown keys are errors, values cannot change."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Waveform(_Table):
+    """The transmitted m-sequence.
+
+    ``polynomial`` lists the exponents of the primitive characteristic polynomial, highest first: ``[9, 4, 0]`` is
+    ``x^9 + x^4 + 1``, that is ``s[n+9] = s[n+4] xor s[n]``. ``direction`` is the order in which the chips are sent,
+    ``polarity`` the sign of a 0 bit.
+    """
+
+    order: Annotated[int, Field(ge=7, le=15)]
+    polynomial: tuple[int, ...]
+    direction: Literal["forward", "reversed"] = "forward"
+    polarity: Literal["positive", "negative"] = "positive"
+    chip_rate: Positive
+    samples_per_chip: Annotated[int, Field(ge=1, le=4)]
+    sample_rate: Positive
+
+    @property
+    def chips(self) -> int:
+        """Chips in a period, ``2**order - 1``."""
+        return 2**self.order - 1
+
+    @property
+    def samples(self) -> int:
+        """Samples in a period, and so in a capture."""
+        return self.chips * self.samples_per_chip
+
+    @property
+    def period(self) -> float:
+        """Length of the sequence, the largest unambiguous delay [s]."""
+        return self.samples / self.sample_rate
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        expected = self.chip_rate * self.samples_per_chip
+        if abs(self.sample_rate / expected - 1) > 1e-9:
+            raise ValueError(
+                f"sample_rate is {self.sample_rate:g} Hz, but chip_rate x samples_per_chip is {expected:g} Hz"
+            )
+        exponents = sorted(set(self.polynomial), reverse=True)
+        if list(self.polynomial) != exponents or exponents[0] != self.order or exponents[-1] != 0:
+            raise ValueError(
+                f"polynomial is {list(self.polynomial)}; expected falling exponents from {self.order} (the order) to 0"
+            )
+        return self
+
+
+class Carrier(_Table):
+    """Carrier and how it is made: ``frequency = lo_frequency * multiplier + if_frequency`` [Hz]."""
+
+    frequency: Positive
+    if_frequency: Annotated[float, Field(ge=0)]
+    lo_frequency: Positive
+    multiplier: Annotated[int, Field(ge=1)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        made = self.lo_frequency * self.multiplier + self.if_frequency
+        if abs(made / self.frequency - 1) > 1e-9:
+            raise ValueError(
+                f"frequency is {self.frequency / 1e9:g} GHz, but lo_frequency x multiplier + if_frequency is "
+                f"{self.lo_frequency / 1e9:g} x {self.multiplier} + {self.if_frequency / 1e9:g} = {made / 1e9:g} GHz"
+            )
+        return self
+
+
+class Antenna(_Table):
+    """An antenna: boresight gain [dBi] and how the gain falls off it.
+
+    ``gaussian`` is a Gaussian main lobe of the given half-power beamwidths [degree] above a flat ``sidelobe_floor``
+    [dB]; ``cut`` reads the relative gain from the measured principal cuts in the file ``cut``, relative to the
+    description; ``flat`` is the boresight gain in every direction, for an end whose pattern is not to be removed.
+    """
+
+    gain: float
+    pattern: Literal["gaussian", "cut", "flat"] = "gaussian"
+    hpbw_azimuth: Annotated[float, Field(gt=0, le=360)] | None = None
+    hpbw_elevation: Annotated[float, Field(gt=0, le=180)] | None = None
+    sidelobe_floor: Annotated[float, Field(lt=0)] = -30.0
+    cut: Path | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.pattern != "flat" and None in (self.hpbw_azimuth, self.hpbw_elevation):
+            raise ValueError(f'pattern "{self.pattern}" needs hpbw_azimuth and hpbw_elevation')
+        if (self.pattern == "cut") != (self.cut is not None):
+            raise ValueError('pattern "cut" and the key cut (a file) go together')
+        return self
+
+
+class Scan(_Table):
+    """Directions the horn looks at [degree]: azimuth counter-clockwise from east, elevation above the horizon."""
+
+    azimuth: tuple[float, ...]
+    elevation: tuple[float, ...]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for name, values in (("azimuth", self.azimuth), ("elevation", self.elevation)):
+            if not values or any(b <= a for a, b in zip(values, values[1:], strict=False)):
+                raise ValueError(f"{name} must hold rising values, at least one")
+        if self.azimuth[-1] - self.azimuth[0] >= 360:
+            raise ValueError("azimuth goes round more than once; list each direction once")
+        if min(self.elevation) < -90 or max(self.elevation) > 90:
+            raise ValueError("elevation leaves -90..90 degree")
+        return self
+
+
+class Transmitter(_Table):
+    """Power into the transmit antenna [dBm]."""
+
+    power: float
+
+
+class Processing(_Table):
+    """Bandwidth kept by the de-embedding [Hz], full width about the carrier; default 0.9 of the main lobe."""
+
+    bandwidth: Positive | None = None
+
+
+class Sounder(_Table):
+    """A channel sounder.
+
+    Examples
+    --------
+    >>> sounder = load("calibration/sounder-132ghz.toml")  # doctest: +SKIP
+    >>> sounder.waveform.samples  # doctest: +SKIP
+    1022
+    """
+
+    name: str
+    waveform: Waveform
+    carrier: Carrier
+    tx_antenna: Antenna
+    rx_antenna: Antenna
+    scan: Scan
+    transmitter: Transmitter
+    processing: Processing = Processing()
+
+    @property
+    def bandwidth(self) -> float:
+        """Bandwidth kept by the de-embedding [Hz].
+
+        The spectrum of a chip held over ``samples_per_chip`` samples has its first null at the chip rate; for two
+        samples a chip that is exactly Nyquist. Nine tenths of the main lobe leave the null out.
+        """
+        widest = min(2 * self.waveform.chip_rate, self.waveform.sample_rate)
+        return self.processing.bandwidth or 0.9 * widest
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        widest = min(2 * self.waveform.chip_rate, self.waveform.sample_rate)
+        if self.bandwidth >= widest:
+            raise ValueError(
+                f"processing.bandwidth is {self.bandwidth / 1e9:g} GHz; the chips fill less than {widest / 1e9:g} GHz"
+            )
+        return self
+
+
+def parse(tables: dict[str, Any], source: str) -> Sounder:
+    """Validate a description already read from TOML.
+
+    Parameters
+    ----------
+    tables : dict
+        Nested tables.
+    source : str
+        Named in errors.
+
+    Raises
+    ------
+    DataError
+        An unknown key, a missing one, or a value that does not fit; the message names it.
+    """
+    try:
+        return Sounder.model_validate(tables)
+    except ValidationError as error:
+        raise DataError(f"{source}: {describe(error)}") from None
+
+
+def describe(error: ValidationError) -> str:
+    """One line for a pydantic error: each key by its dotted name, and what is wrong with it."""
+    parts = []
+    for item in error.errors():
+        where = ".".join(str(part) for part in item["loc"])
+        message = {"extra_forbidden": "unknown key", "missing": "missing"}.get(
+            item["type"], item["msg"].removeprefix("Value error, ")
+        )
+        parts.append(f"{where}: {message}" if where else message)
+    return "; ".join(parts)
+
+
+def read_toml(path: Path | str) -> dict[str, Any]:
+    """Tables of a TOML file.
+
+    Raises
+    ------
+    DataError
+        The file is missing or not TOML.
+    """
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}; expected a TOML file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: not TOML ({error})") from None
+
+
+def load(path: Path | str) -> Sounder:
+    """Read a sounder description.
+
+    A relative ``cut`` is taken from the description's own folder.
+
+    Raises
+    ------
+    DataError
+        The file is missing, not TOML, has an unknown key or an inconsistent value.
+    """
+    tables = read_toml(path)
+    for name in ("tx_antenna", "rx_antenna"):
+        antenna = tables.get(name)
+        if isinstance(antenna, dict) and "cut" in antenna:
+            antenna["cut"] = str(Path(path).parent / antenna["cut"])
+    return parse(tables, str(path))
