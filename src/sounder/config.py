@@ -82,12 +82,31 @@ class Carrier(_Table):
         return self
 
 
+class Cut(_Table):
+    """Principal cuts of an antenna: gain relative to boresight [dB] over the angle off boresight [degree]."""
+
+    angle: tuple[float, ...]
+    azimuth: tuple[float, ...]
+    elevation: tuple[float, ...]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not len(self.angle) == len(self.azimuth) == len(self.elevation) >= 3:
+            raise ValueError("angle, azimuth and elevation must have one length, at least 3")
+        if any(b <= a for a, b in zip(self.angle, self.angle[1:], strict=False)):
+            raise ValueError("angle must rise")
+        if not self.angle[0] < 0 < self.angle[-1]:
+            raise ValueError("angle must reach to both sides of boresight (0)")
+        return self
+
+
 class Antenna(_Table):
     """An antenna: boresight gain [dBi] and how the gain falls off it.
 
     ``gaussian`` is a Gaussian main lobe of the given half-power beamwidths [degree] above a flat ``sidelobe_floor``
-    [dB]; ``cut`` reads the relative gain from the measured principal cuts in the file ``cut``, relative to the
-    description; ``flat`` is the boresight gain in every direction, for an end whose pattern is not to be removed.
+    [dB]; ``cut`` takes the relative gain from measured principal cuts (in a description file: the name of a CSV file
+    beside it with the header ``angle,azimuth,elevation``); ``flat`` is the boresight gain in every direction, for an
+    end whose pattern is not to be removed.
     """
 
     gain: float
@@ -95,14 +114,14 @@ class Antenna(_Table):
     hpbw_azimuth: Annotated[float, Field(gt=0, le=360)] | None = None
     hpbw_elevation: Annotated[float, Field(gt=0, le=180)] | None = None
     sidelobe_floor: Annotated[float, Field(lt=0)] = -30.0
-    cut: Path | None = None
+    cut: Cut | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.pattern != "flat" and None in (self.hpbw_azimuth, self.hpbw_elevation):
             raise ValueError(f'pattern "{self.pattern}" needs hpbw_azimuth and hpbw_elevation')
         if (self.pattern == "cut") != (self.cut is not None):
-            raise ValueError('pattern "cut" and the key cut (a file) go together')
+            raise ValueError('pattern "cut" and the key cut go together')
         return self
 
 
@@ -227,16 +246,29 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 def load(path: Path | str) -> Sounder:
     """Read a sounder description.
 
-    A relative ``cut`` is taken from the description's own folder.
+    The antenna cuts it names are read from the description's own folder.
 
     Raises
     ------
     DataError
-        The file is missing, not TOML, has an unknown key or an inconsistent value.
+        A file is missing or malformed, has an unknown key or an inconsistent value.
     """
     tables = read_toml(path)
-    for name in ("tx_antenna", "rx_antenna"):
-        antenna = tables.get(name)
-        if isinstance(antenna, dict) and "cut" in antenna:
-            antenna["cut"] = str(Path(path).parent / antenna["cut"])
+    for antenna in (tables.get("tx_antenna"), tables.get("rx_antenna")):
+        if isinstance(antenna, dict) and isinstance(antenna.get("cut"), str):
+            antenna["cut"] = _read_cut(Path(path).parent / antenna["cut"])
     return parse(tables, str(path))
+
+
+def _read_cut(path: Path) -> dict[str, list[float]]:
+    header = "angle,azimuth,elevation"
+    try:
+        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+        rows = [[float(field) for field in line.split(",")] for line in lines[1:] if line.strip()]
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}; expected an antenna cut (CSV: {header})") from None
+    except ValueError as error:
+        raise DataError(f"{path}: {error}; expected numbers under the header {header}") from None
+    if not lines or lines[0].strip() != header or any(len(row) != 3 for row in rows):
+        raise DataError(f"{path}: not an antenna cut; expected CSV with the header {header}")
+    return {name: [row[i] for row in rows] for i, name in enumerate(header.split(","))}
