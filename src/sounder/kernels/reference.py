@@ -1,0 +1,33 @@
+"""What the kernels compute, written to be read: numpy, float64, FFT. The tests hold every kernel to these."""
+
+import numpy as np
+import numpy.typing as npt
+
+Complex = npt.NDArray[np.complex128]
+
+
+def chip_template(chips: npt.ArrayLike, samples_per_chip: int) -> npt.NDArray[np.float64]:
+    """Hold each chip for a number of samples; bit 0 is +1, bit 1 is -1."""
+    return np.repeat(1.0 - 2.0 * np.asarray(chips, float), samples_per_chip)
+
+
+def as_complex(iq: npt.NDArray[np.number]) -> Complex:
+    """Read captures, integer (..., sample, 2) or complex (..., sample), as complex128."""
+    if np.iscomplexobj(iq):
+        return iq.astype(np.complex128)
+    return iq[..., 0] + 1j * iq[..., 1].astype(float)
+
+
+def correlate(iq: npt.NDArray[np.number], template: npt.ArrayLike) -> Complex:
+    """Correlate captures with a periodic template: ``c[k] = sum_n x[n + k] conj(t[n])``, circular.
+
+    A capture that is the template delayed by k samples peaks at k.
+    """
+    spectrum = np.fft.fft(as_complex(iq), axis=-1) * np.conj(np.fft.fft(np.asarray(template)))
+    return np.fft.ifft(spectrum, axis=-1)
+
+
+def average(iq: npt.NDArray[np.number], template: npt.ArrayLike) -> tuple[Complex, npt.NDArray[np.float64]]:
+    """Average the correlation over snapshots (axis 0): coherent mean, and mean of the squared magnitude."""
+    correlation = correlate(iq, template)
+    return correlation.mean(0), (np.abs(correlation) ** 2).mean(0)

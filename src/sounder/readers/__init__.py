@@ -1,0 +1,34 @@
+"""Readers: one file a format, found through the entry points of the group ``sounder.readers``.
+
+A reader is a module with ``is_format(path) -> bool`` and ``recordings(path) -> list[Recording]``. Files that follow no
+known format are read by saying how they are laid out: :mod:`sounder.readers.layout`.
+"""
+
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from erm.errors import DataError
+from sounder.recording import Recording
+
+
+def open_recordings(path: Path) -> list[Recording]:
+    """Open a file in any format that a reader knows; no sample is read.
+
+    Returns
+    -------
+    list of Recording
+        One a position.
+
+    Raises
+    ------
+    DataError
+        No such file, or no reader knows it.
+    """
+    if not path.is_file():
+        raise DataError(f"{path}: no such file")
+    for entry in entry_points(group="sounder.readers"):
+        reader = entry.load()
+        if reader.is_format(path):
+            found: list[Recording] = reader.recordings(path)
+            return found
+    raise DataError(f"{path}: not a recording of a known format; say how it is laid out with --layout FILE")

@@ -1,0 +1,228 @@
+"""The toolkit's own recording file: HDF5 that netCDF4 readers open too, one position a file."""
+
+import json
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from erm.errors import DataError
+from erm.storage import atomic_path, provenance
+from sounder.config import Sounder, parse
+from sounder.recording import BackToBack, Captures, Recording, check
+
+RECORDING = "sounder-to-map recording"
+BACK_TO_BACK = "sounder-to-map back-to-back"
+
+
+def kind_of(path: Path) -> str | None:
+    """Content of the attribute ``kind``, which tells a native file; None for any other HDF5 file."""
+    with opened(path) as file:
+        kind = file.attrs.get("kind")
+        return kind if isinstance(kind, str) else None
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading.
+
+    Raises
+    ------
+    DataError
+        No such file, or it is not HDF5.
+    """
+    if not path.is_file():
+        raise DataError(f"{path}: no such file")
+    if not h5py.is_hdf5(path):
+        raise DataError(f"{path}: not an HDF5 file; expected a recording, or another format with --layout")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise DataError(f"{path}: damaged HDF5 file ({error})") from None
+    with file:
+        yield file
+
+
+def is_format(path: Path) -> bool:
+    """Whether the file is a native recording."""
+    return path.is_file() and h5py.is_hdf5(path) and kind_of(path) == RECORDING
+
+
+def recordings(path: Path) -> list[Recording]:
+    """Open a native recording; no sample is read.
+
+    Returns
+    -------
+    list of Recording
+        One.
+
+    Raises
+    ------
+    DataError
+        The file is not a native recording or does not fit its own description.
+    """
+    with opened(path) as file:
+        if file.attrs.get("kind") != RECORDING:
+            raise DataError(f"{path}: not a recording of this software; say how it is laid out with --layout FILE")
+        _require(file, path, ("iq", "azimuth", "elevation", "tx_position", "rx_position"))
+        iq = file["iq"]
+        shape = iq.shape
+        directions = shape[:2]
+        azimuth, elevation = file["azimuth"][:], file["elevation"][:]
+        if iq.ndim != 5 or iq.dtype != np.int16 or shape[4] != 2 or directions != (azimuth.size, elevation.size):
+            raise DataError(
+                f"{path}: iq is {iq.dtype} {shape}; expected int16 "
+                f"({azimuth.size} azimuths, {elevation.size} elevations, snapshot, sample, 2)"
+            )
+
+        def reader(a: int, e: int, snapshots: slice) -> Captures:
+            with opened(path) as again:
+                captures: Captures = again["iq"][a, e, snapshots]
+                return captures
+
+        recording = Recording(
+            name=str(file.attrs.get("position", path.stem)),
+            source=path,
+            sounder=_description(file, path),
+            azimuth=azimuth,
+            elevation=elevation,
+            snapshots=shape[2],
+            tx_position=file["tx_position"][:].reshape(3),
+            rx_position=file["rx_position"][:].reshape(3),
+            scale_factor=float(iq.attrs["scale_factor"]),
+            agc_gain=file["agc_gain"][:] if "agc_gain" in file else np.zeros(directions),
+            valid=file["valid"][:].astype(bool) if "valid" in file else np.ones(directions, bool),
+            los=int(file.attrs.get("los", -1)),
+            time=file["time"][:] if "time" in file else None,
+            read=reader,
+        )
+    check(recording, shape[3])
+    return [recording]
+
+
+def back_to_back(path: Path) -> BackToBack:
+    """Read a native back-to-back file.
+
+    Raises
+    ------
+    DataError
+        The file is missing or is not a back-to-back recording.
+    """
+    with opened(path) as file:
+        if file.attrs.get("kind") != BACK_TO_BACK:
+            raise DataError(f"{path}: not a back-to-back recording; make one with the attenuator in the antennas' place")
+        _require(file, path, ("iq",))
+        measured = "attenuator_s21" in file
+        return BackToBack(
+            source=path,
+            sounder=_description(file, path),
+            captures=file["iq"][:],
+            scale_factor=float(file["iq"].attrs["scale_factor"]),
+            attenuation=float(file.attrs["attenuation"]),
+            s21=(file["attenuator_frequency"][:], file["attenuator_s21"][:] @ [1, 1j]) if measured else None,
+            includes_tx_antenna=bool(file.attrs.get("includes_tx_antenna", 0)),
+        )
+
+
+def _require(file: h5py.File, path: Path, names: Iterable[str]) -> None:
+    absent = [name for name in names if name not in file]
+    if absent:
+        raise DataError(f"{path}: no {', '.join(absent)} in the file; expected a recording as docs/formats.md describes")
+
+
+def _description(file: h5py.File, path: Path) -> Sounder:
+    try:
+        tables = json.loads(file.attrs["sounder"])
+    except (KeyError, ValueError):
+        raise DataError(f"{path}: no readable sounder description in the attribute sounder") from None
+    return parse(tables, f"{path}: attribute sounder")
+
+
+def write_recording(recording: Recording, target: Path, *, history: str) -> None:
+    """Write a recording as a native file, direction by direction.
+
+    Parameters
+    ----------
+    recording : Recording
+        From any reader or from the twin.
+    target : Path
+        The file; appears whole or not at all.
+    history : str
+        The step that made it.
+
+    Raises
+    ------
+    DataError
+        The captures are not int16, which the native file keeps them in.
+    """
+    inputs = [recording.source] if recording.source.is_file() else []
+    with atomic_path(target) as temporary, h5netcdf.File(temporary, "w") as file:
+        waveform = recording.sounder.waveform
+        file.dimensions = {
+            "azimuth": recording.azimuth.size,
+            "elevation": recording.elevation.size,
+            "snapshot": recording.snapshots,
+            "sample": waveform.samples,
+            "iq": 2,
+            "position": 1,
+            "xyz": 3,
+        }
+        file.attrs.update(provenance(f"Raw captures of {recording.name}", history, inputs=inputs))
+        file.attrs["kind"] = RECORDING
+        file.attrs["position"] = recording.name
+        file.attrs["sounder"] = recording.sounder.model_dump_json()
+        file.attrs["frequency"] = recording.sounder.carrier.frequency
+        file.attrs["los"] = recording.los
+        grid = ("azimuth", "elevation")
+        _variable(file, "azimuth", ("azimuth",), recording.azimuth, "degree", "horn azimuth, counter-clockwise from east")
+        _variable(file, "elevation", ("elevation",), recording.elevation, "degree", "horn elevation above the horizon")
+        for end in ("tx", "rx"):
+            position = getattr(recording, f"{end}_position")[None]
+            _variable(file, f"{end}_position", ("position", "xyz"), position, "m", f"{end.upper()} east, north, up")
+        _variable(file, "agc_gain", grid, recording.agc_gain, "dB", "receiver gain over the back-to-back setting")
+        _variable(file, "valid", grid, recording.valid.astype(np.int8), "1", "1 where the direction was recorded")
+        if recording.time is not None:
+            units = "seconds since 1970-01-01 00:00:00"
+            _variable(file, "time", grid, recording.time, units, "time of the first snapshot")
+        iq = file.create_variable("iq", (*grid, "snapshot", "sample", "iq"), np.int16)
+        iq.attrs.update({"scale_factor": recording.scale_factor, "units": "mW0.5", "long_name": "raw samples"})
+        for a, e in np.argwhere(recording.valid):
+            captures = recording.captures(int(a), int(e))
+            if captures.dtype != np.int16:
+                raise DataError(
+                    f"{recording.source}: samples are {captures.dtype}; a native recording keeps int16: "
+                    "process the file with its layout instead"
+                )
+            iq[int(a), int(e)] = captures
+
+
+def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: Iterable[Path] = ()) -> None:
+    """Write a back-to-back recording as a native file, whole or not at all."""
+    with atomic_path(target) as temporary, h5netcdf.File(temporary, "w") as file:
+        snapshots, samples = b2b.captures.shape[:2]
+        file.dimensions = {"snapshot": snapshots, "sample": samples, "iq": 2}
+        file.attrs.update(provenance("Back-to-back captures", history, inputs=inputs))
+        file.attrs["kind"] = BACK_TO_BACK
+        file.attrs["sounder"] = b2b.sounder.model_dump_json()
+        file.attrs["attenuation"] = b2b.attenuation
+        file.attrs["includes_tx_antenna"] = int(b2b.includes_tx_antenna)
+        iq = file.create_variable("iq", ("snapshot", "sample", "iq"), np.int16, data=b2b.captures)
+        iq.attrs.update({"scale_factor": b2b.scale_factor, "units": "mW0.5", "long_name": "raw samples"})
+        if b2b.s21 is not None:
+            frequency, s21 = b2b.s21
+            file.dimensions["attenuator_frequency"] = frequency.size
+            parts = np.stack([s21.real, s21.imag], axis=-1)
+            _variable(file, "attenuator_frequency", ("attenuator_frequency",), frequency, "Hz", "frequency")
+            _variable(file, "attenuator_s21", ("attenuator_frequency", "iq"), parts, "1", "attenuator S21, re and im")
+
+
+def _variable(
+    file: h5netcdf.File, name: str, dims: tuple[str, ...], data: NDArray[Any], units: str, long_name: str
+) -> None:
+    variable = file.create_variable(name, dims, data=data)
+    variable.attrs.update({"units": units, "long_name": long_name})
