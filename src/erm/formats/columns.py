@@ -1,0 +1,95 @@
+"""An environment as flat columns and a few scene-wide facts: what every format stores."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from erm.environment import DEFAULT_MATERIAL, Environment, Slab, make_reflectors
+from erm.errors import DataError
+from erm.materials import Material
+from erm.storage import provenance
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Columns = dict[str, np.ndarray]
+
+ENDS = ("first_east", "first_north", "second_east", "second_north")
+COVARIANCES = {"normal_variance": (0, 0), "normal_offset_covariance": (0, 1), "offset_variance": (1, 1)}
+# what stands in a column that a hand-made file leaves out
+DEFAULTS: Mapping[str, object] = {
+    "kind": "wall", "radius": 0.0, "base": 0.0, "top": np.inf, "normal": np.nan, "offset": np.nan,
+    **dict.fromkeys(COVARIANCES, np.nan), "support": 0, "material": DEFAULT_MATERIAL,
+}  # fmt: skip
+# what a missing number (JSON null, empty cell) in a column that is there means
+MISSING: Mapping[str, float] = {"radius": 0.0, "base": -np.inf, "top": np.inf, "support": 0.0}
+
+
+def to_columns(reflectors: "xr.Dataset") -> Columns:
+    """Flatten the reflector table; every column has the length of the table."""
+    ends = reflectors.end_points.values.reshape(-1, 4)
+    covariance = reflectors.covariance.values
+    columns: Columns = {"kind": reflectors.kind.values.astype(str)}
+    columns |= {name: ends[:, i] for i, name in enumerate(ENDS)}
+    for name in DEFAULTS:
+        if name in COVARIANCES:
+            columns[name] = covariance[:, *COVARIANCES[name]]
+        else:
+            columns[name] = reflectors[name].values
+    return columns
+
+
+def to_scene(environment: Environment) -> dict[str, Any]:
+    """Ground, ceiling, materials and provenance, ready for JSON."""
+    return {
+        "attributes": provenance("Environment", "Environment.write") | dict(environment.reflectors.attrs),
+        "ground": environment.ground and asdict(environment.ground),
+        "ceiling": environment.ceiling and asdict(environment.ceiling),
+        "materials": [material.to_dict() for material in environment.materials.values()],
+    }
+
+
+def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
+    """Undo `to_columns` and `to_scene`; columns that are absent get their defaults."""
+    if absent := [name for name in ENDS if name not in columns]:
+        raise DataError(f"no column {absent[0]}; expected {', '.join(ENDS)}")
+    count = len(columns[ENDS[0]])
+    ends = np.stack([number(columns, name, count) for name in ENDS], axis=-1).reshape(-1, 2, 2)
+    covariance = np.empty((count, 2, 2))
+    for name, (row, column) in COVARIANCES.items():
+        covariance[:, row, column] = covariance[:, column, row] = number(columns, name, count)
+    numbers = {name: number(columns, name, count) for name in ("radius", "base", "top", "normal", "offset")}
+    words = {
+        name: np.asarray(columns.get(name, [DEFAULTS[name]] * count), dtype=str)
+        for name in ("kind", "material")
+    }
+    table = make_reflectors(
+        ends,
+        covariance=covariance,
+        support=number(columns, "support", count).astype(np.int64),
+        **numbers,
+        **words,
+    )
+    try:
+        table.attrs = dict(scene.get("attributes") or {})
+        materials = [Material.from_dict(values) for values in scene.get("materials") or ()]
+        ground, ceiling = (
+            Slab(float(values["height"]), str(values.get("material", DEFAULT_MATERIAL))) if values else None
+            for values in (scene.get("ground"), scene.get("ceiling"))
+        )
+    except (TypeError, ValueError, KeyError, AttributeError) as error:
+        raise DataError(f"ground, ceiling or materials are malformed ({error})") from error
+    return Environment(table, ground, ceiling, {material.name: material for material in materials})
+
+
+def number(columns: Columns, name: str, count: int) -> np.ndarray:
+    """Column of numbers; absent columns and missing cells get what they stand for."""
+    if name not in columns:
+        return np.full(count, DEFAULTS[name], dtype=float)
+    try:
+        values = np.array([np.nan if cell in (None, "") else cell for cell in columns[name]], dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"column {name}: {error}; expected numbers") from error
+    return np.where(np.isnan(values), MISSING.get(name, np.nan), values)
