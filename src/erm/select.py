@@ -1,0 +1,237 @@
+"""Which components are single reflections: clusters, reflection loss, direct path (Algorithm 1, lines 1-10).
+
+Every component keeps its row; it gains its face and the reason for which it was taken or left.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+from scipy.constants import c
+
+from erm import geometry
+from erm.errors import DataError
+from erm.geometry import FloatArray, angle_difference
+from erm.mpc_table import path_length
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Threshold = Literal["fixed", "letter"]
+BoolArray = npt.NDArray[np.bool_]
+
+ACCEPTED = "accepted"
+DELAY_STD = 0.3e-9  # s; a sample of a 1.2 GS/s sounder is 0.83 ns, 0.24 ns rms when delays are left on it
+AZIMUTH_STD = 3.0  # degree; a 10 degree grid left unrefined is 2.9 degrees rms
+ELEVATION_STD = 3.0  # degree
+MAX_REFLECTION_LOSS = 13.0  # dB; see `select`
+GAIN_EXCESS = 3.0  # dB; two paths in one resolution cell may add up to more than free space
+DIRECT_DELAY = 1e-9  # s; below this excess a face is tangent to the direct path and cannot be located
+DIRECT_AZIMUTH = 5.0  # degree; half a beam
+ELEVATION_TOLERANCE = 12.0  # degree; a scan of few elevations clips the estimate at its edge
+
+
+def select(
+    table: "xr.Dataset",
+    *,
+    threshold: Threshold = "fixed",
+    max_reflection_loss: float = MAX_REFLECTION_LOSS,
+    delay_window: float = 5e-9,
+    azimuth_window: float = 10.0,
+    ground_height: float = 0.0,
+    delay_std: float = DELAY_STD,
+    azimuth_std: float = AZIMUTH_STD,
+) -> "xr.Dataset":
+    """Choose the components that may be single bounces off vertical faces, and locate these.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table (`erm.mpc_table`).
+    threshold : {"fixed", "letter"}
+        ``fixed`` keeps reflection losses up to ``max_reflection_loss``. ``letter`` keeps losses below twice
+        the smallest of the scenario (Eq. 4), which one metal or glass face makes too strict for all others.
+    max_reflection_loss : float
+        Loss beyond free space [dB]. Smooth faces lose most at normal incidence: metal 0, glass 7, concrete 8,
+        brick 10, plaster (n = 1.92) 10 dB by Fresnel's equations, hence 10 dB plus 3 dB for roughness and
+        gain error. Two bounces at 45 degrees lose 12 dB or more off the same materials.
+    delay_window, azimuth_window : float
+        Half axes of a cluster about its strongest component [s], [degree].
+    ground_height : float
+        Height of the ground under the antennas [m].
+    delay_std, azimuth_std : float
+        Standard errors where the table gives none [s], [degree].
+
+    Returns
+    -------
+    xarray.Dataset
+        The table with ``delay_std`` and ``azimuth_std`` filled in and, along ``mpc``: ``link`` (index of the
+        pair of antennas), ``cluster``, ``reflection_loss`` [dB], ``accepted``, ``reason``,
+        ``reflection_point`` (mpc, xyz) [m], ``normal`` [degree], ``offset`` [m], ``point_covariance``
+        (mpc, xy, xy_2) [m2] and ``line_covariance`` (mpc, parameter, parameter_2) of (normal, offset). The
+        face is NaN where the path is not longer than the direct one.
+    """
+    if threshold not in get_args(Threshold):
+        raise DataError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
+    table = table.assign(
+        delay_std=table["delay_std"].fillna(delay_std), azimuth_std=table["azimuth_std"].fillna(azimuth_std)
+    )
+    link = links(table)
+    cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
+    loss = reflection_loss(table)
+    direct = is_direct(table)
+    limit = max_reflection_loss if threshold == "fixed" else letter_limit(loss, link, strongest, direct)
+    reasons: Mapping[str, BoolArray] = {
+        "direct path": direct,
+        "not the strongest of its cluster": ~strongest,
+        "no longer than the direct path": np.isnan(
+            geometry.horizontal_length(table["tx_position"], table["rx_position"], path_length(table))
+        ),
+        "ground bounce": is_ground_bounce(table, ground_height),
+        "stronger than free space": loss < -GAIN_EXCESS,
+        "reflection loss above the threshold": ~(loss < limit if threshold == "letter" else loss <= limit),
+        "elevation of no vertical face": ~fits_vertical_face(table),
+    }
+    reason = np.full(table.sizes["mpc"], ACCEPTED, dtype=object)
+    for text, holds in reasons.items():
+        reason[(reason == ACCEPTED) & holds] = text
+    return _with_faces(table).assign(
+        link=("mpc", link),
+        cluster=("mpc", cluster),
+        reflection_loss=("mpc", loss, {"units": "dB"}),
+        accepted=("mpc", reason == ACCEPTED),
+        reason=("mpc", reason.astype(np.str_)),
+    )
+
+
+def links(table: "xr.Dataset") -> npt.NDArray[np.int64]:
+    """Index (mpc,) of the TX-RX pair of each component, numbered as they first appear."""
+    ends = np.hstack([table["tx_position"].values, table["rx_position"].values])
+    _, first, index = np.unique(ends, axis=0, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[index.ravel()]
+
+
+def clusters(
+    table: "xr.Dataset", link: npt.NDArray[np.int64], *, delay_window: float, azimuth_window: float
+) -> tuple[npt.NDArray[np.int64], BoolArray]:
+    """Group the components of each link around its strongest ones.
+
+    The strongest component left over claims all that lie within an ellipse about it in the plane of delay
+    and azimuth (circular), until none is left. Diffuse tails and sidelobes thus fall to the specular path
+    that causes them.
+
+    Returns
+    -------
+    cluster : array (mpc,) of int
+    strongest : array (mpc,) of bool
+    """
+    delay, azimuth, gain = (table[name].values for name in ("delay", "azimuth", "path_gain"))
+    cluster = np.full(len(delay), -1)
+    strongest = np.zeros(len(delay), dtype=bool)
+    count = 0
+    for one in np.unique(link):
+        rows = np.flatnonzero(link == one)
+        rows = rows[np.lexsort((azimuth[rows], delay[rows], -gain[rows]))]
+        while len(rows):
+            head = rows[0]
+            strongest[head] = True
+            apart = ((delay[rows] - delay[head]) / delay_window) ** 2
+            apart += (angle_difference(azimuth[rows], azimuth[head]) / azimuth_window) ** 2
+            cluster[rows[apart <= 1]] = count
+            rows = rows[apart > 1]
+            count += 1
+    return cluster, strongest
+
+
+def reflection_loss(table: "xr.Dataset") -> FloatArray:
+    """Free-space gain at the path's length minus its gain (mpc,), ``20 lg(c / (4 pi f L)) - P`` [dB]."""
+    wavelength = c / table["frequency"].values
+    return 20 * np.log10(wavelength / (4 * np.pi * path_length(table))) - table["path_gain"].values
+
+
+def is_direct(table: "xr.Dataset") -> BoolArray:
+    """Components (mpc,) that arrive at the delay and bearing of the direct path.
+
+    They are found by geometry whether the table flags line of sight or not; where it says there is none they
+    went through or around something, and locate no face either.
+    """
+    tx, rx = table["tx_position"].values, table["rx_position"].values
+    early_enough = np.abs(table["delay"].values - np.linalg.norm(tx - rx, axis=-1) / c) < np.maximum(
+        DIRECT_DELAY, 3 * table["delay_std"].values
+    )
+    return early_enough & _at_bearing_of_transmitter(table)
+
+
+def is_ground_bounce(table: "xr.Dataset", ground_height: float) -> BoolArray:
+    """Components (mpc,) at the transmitter's bearing and the delay of its image below the ground.
+
+    A path that is known to arrive from above the horizon is none.
+    """
+    tx, rx = table["tx_position"].values, table["rx_position"].values
+    climb = tx[:, 2] + rx[:, 2] - 2 * ground_height
+    delay = np.hypot(np.linalg.norm((tx - rx)[:, :2], axis=-1), climb) / c
+    near = np.abs(table["delay"].values - delay) < np.maximum(DIRECT_DELAY, 3 * table["delay_std"].values)
+    from_above = table["elevation"].values > 3 * table["elevation_std"].fillna(ELEVATION_STD).values
+    return near & _at_bearing_of_transmitter(table) & ~from_above
+
+
+def fits_vertical_face(table: "xr.Dataset") -> BoolArray:
+    """Components (mpc,) whose elevation is that of a path off vertical faces, ``sin e = (z_tx - z_rx) / L``.
+
+    True where the elevation is unknown.
+    """
+    climb = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
+    expected = np.rad2deg(np.arcsin(np.clip(climb / path_length(table), -1, 1)))
+    tolerance = np.maximum(ELEVATION_TOLERANCE, 3 * table["elevation_std"].fillna(ELEVATION_STD).values)
+    return ~(np.abs(table["elevation"].values - expected) > tolerance)
+
+
+def letter_limit(
+    loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray
+) -> float:
+    """Twice the smallest reflection loss of the scenario (Eq. 4) [dB].
+
+    At a position with line of sight the smallest loss is that of the direct path, so the second one counts.
+    """
+    smallest = [np.inf]
+    for one in np.unique(link):
+        losses = np.sort(loss[(link == one) & strongest])
+        in_sight = bool(np.any(direct & (link == one)))
+        smallest += losses[int(in_sight) : int(in_sight) + 1].tolist()
+    return 2 * min(smallest)
+
+
+def _at_bearing_of_transmitter(table: "xr.Dataset") -> BoolArray:
+    """Components (mpc,) that arrive from where the transmitter is, seen from above."""
+    bearing = geometry.azimuth_of(table["tx_position"].values - table["rx_position"].values)
+    tolerance = np.maximum(DIRECT_AZIMUTH, 3 * table["azimuth_std"].values)
+    return np.abs(angle_difference(table["azimuth"].values, bearing)) < tolerance
+
+
+def _with_faces(table: "xr.Dataset") -> "xr.Dataset":
+    """The table with the face of each component, were it a single bounce."""
+    path = (
+        table["tx_position"].values,
+        table["rx_position"].values,
+        path_length(table),
+        table["azimuth"].values,
+    )
+    std = (table["delay_std"].values * c, table["azimuth_std"].values)
+    point, normal = geometry.reflection_point(*path)
+    _, offset = geometry.face_line(*path)
+    return table.assign(
+        reflection_point=(
+            ("mpc", "xyz"),
+            np.column_stack([point, geometry.bounce_height(*path)]),
+            {"units": "m", "long_name": "reflection point if the path bounced once"},
+        ),
+        normal=("mpc", normal, {"units": "degree", "long_name": "azimuth of the face normal"}),
+        offset=(
+            "mpc",
+            offset,
+            {"units": "m", "long_name": "distance of the face from the origin along its normal"},
+        ),
+        point_covariance=(("mpc", "xy", "xy_2"), geometry.point_covariance(*path, *std), {"units": "m2"}),
+        line_covariance=(("mpc", "parameter", "parameter_2"), geometry.line_covariance(*path, *std)),
+    )
