@@ -1,14 +1,18 @@
 """The compiler's settings: how a kernel is compiled, and where its machine code is kept between runs.
 
-The cache must serve read-only installations, accounts without a home, clusters that share one home among unlike
-machines, and several processes that start at once. Two rules make it safe:
+The cache must serve read-only installations, accounts without a home, clusters that share one home among
+unlike machines, and several processes that start at once. Two rules make it safe:
 
-* its directory is named by everything the machine code depends on (kernel sources, versions, processor), so that a
+* its directory is named by everything the machine code depends on (kernel sources, versions, processor), so
+that a
   cache entry is never stale and never another machine's;
-* every entry point is only ever called with one signature. Numba numbers the signatures of a function as they come,
-  and two processes compiling different ones at the same time could swap them; with one there is nothing to swap.
+* every entry point is only ever called with one signature. Numba numbers the signatures of a function as they
+come,
+  and two processes compiling different ones at the same time could swap them; with one there is nothing to
+  swap.
 """
 
+import contextlib
 import hashlib
 import os
 import platform
@@ -25,8 +29,8 @@ import numba
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
-# Contraction lets a*b + c be one instruction; nothing is reassociated, so results do not depend on the vector width
-# chosen by the compiler within a build.
+# Contraction lets a*b + c be one instruction; nothing is reassociated, so results do not depend on the vector
+# width chosen by the compiler within a build.
 SETTINGS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
 
 
@@ -75,10 +79,8 @@ def _candidates(name: str) -> Iterator[Path]:
     configured = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     if configured:
         yield Path(configured) / "sounder" / name
-    try:
+    with contextlib.suppress(RuntimeError):  # no home to be found; the temporary directory follows
         yield Path.home() / ".cache" / "sounder" / name
-    except RuntimeError:  # no home to be found; the temporary directory follows
-        pass
     # Directly in the (sticky) temporary directory, so that nobody can exchange what is in between.
     user = os.getuid() if hasattr(os, "getuid") else "user"
     yield Path(tempfile.gettempdir()) / f"sounder-{user}-{name}"
@@ -98,6 +100,12 @@ def _fingerprint() -> str:
     for source in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(source.read_bytes())
     features = sorted(name for name, present in llvm.get_host_cpu_features().items() if present)
-    build = [platform.python_version(), numba.__version__, llvmlite.__version__, llvm.get_host_cpu_name(), *features]
+    build = [
+        platform.python_version(),
+        numba.__version__,
+        llvmlite.__version__,
+        llvm.get_host_cpu_name(),
+        *features,
+    ]
     digest.update(" ".join(build).encode())
     return digest.hexdigest()[:16]

@@ -1,0 +1,161 @@
+"""Correlation of captures with an m-sequence, and its averages over snapshots."""
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.errors import DataError
+from sounder.kernels import finish, portable
+from sounder.kernels.mls import permutations
+from sounder.kernels.tables import State, Tables
+
+ORDERS = range(7, 16)
+SAMPLES_PER_CHIP = range(1, 5)
+
+Captures = npt.NDArray[Any]
+Averages = tuple[npt.NDArray[np.complex64], npt.NDArray[np.float64]]
+
+
+class Accumulator(Protocol):
+    """Averages of captures that arrive in blocks."""
+
+    def add(self, iq: Captures) -> None:
+        """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
+
+    def result(self) -> Averages:
+        """Return the averages of all captures so far; more may follow."""
+
+
+class Correlator(Protocol):
+    """What the averaging of directions needs to know of a correlator."""
+
+    samples: int
+
+    def average_directions(self, iq: Captures, correlation: Captures, power: Captures) -> None:
+        """Average captures (direction, snapshot, ...) into the two given arrays (direction, sample)."""
+
+
+class MSequenceCorrelator:
+    """Circular correlation with a held m-sequence, ``t = repeat(1 - 2*chips, samples_per_chip)``.
+
+    ``c[k] = sum_n x[n + k] t[n]``: a capture delayed by k samples peaks at k. Nothing is normalised: the
+    template's own correlation is 1022 at 0, 510 at 1 and -1, -2 elsewhere, for 511 chips of 2 samples.
+
+    Captures are int16 (snapshot, sample, 2) or complex64 (snapshot, sample). int16 captures are summed
+    exactly; the transforms are float32, the mean correlation is transformed in float64.
+
+    Parameters
+    ----------
+    chips : array (2**order - 1,)
+        m-sequence of order 7 to 15 as 0 and 1, any shift, direction and polarity.
+    samples_per_chip : int
+        1 to 4.
+    """
+
+    def __init__(self, chips: npt.ArrayLike, samples_per_chip: int) -> None:
+        found = permutations(chips)
+        if found.order not in ORDERS or samples_per_chip not in SAMPLES_PER_CHIP:
+            raise DataError(
+                f"sequence: order {found.order} at {samples_per_chip} samples a chip, expected order 7 to 15 "
+                "at 1 to 4; correlate with a template instead"
+            )
+        self.samples = found.input.size * samples_per_chip
+        self._path = portable
+        self._tables: Tables = self._path.tables(found, samples_per_chip)
+
+    def _new_state(self) -> State:
+        return self._path.state(self._tables.rows.size, self._tables.samples_per_chip)
+
+    def average(self, iq: Captures) -> Averages:
+        """Average one direction: mean correlation, complex64 (sample,), and mean power, float64 (sample,)."""
+        correlation = np.empty((1, self.samples), np.complex64)
+        power = np.empty((1, self.samples))
+        self.average_directions(np.asarray(iq)[np.newaxis], correlation, power)
+        return correlation[0], power[0]
+
+    def average_directions(self, iq: Captures, correlation: Captures, power: Captures) -> None:
+        """Average captures (direction, snapshot, ...) into the two given arrays (direction, sample)."""
+        x = flat_captures(iq, self.samples, dims=3)
+        if not x.shape[1]:
+            raise DataError(
+                "captures: 0 snapshots in a direction, expected one or more; leave the direction out"
+            )
+        run = self._path.average_int16 if x.dtype == np.int16 else self._path.average_float32
+        run(x, self._tables, self._new_state(), correlation.view(np.float32), power)
+
+    def correlate(self, iq: Captures) -> npt.NDArray[np.complex64]:
+        """Correlate every capture by itself: complex64 (snapshot, sample)."""
+        x = flat_captures(iq, self.samples, dims=2)
+        out = np.empty((len(x), self.samples), np.complex64)
+        run = self._path.correlate_int16 if x.dtype == np.int16 else self._path.correlate_float32
+        run(x, self._tables, self._new_state(), out.view(np.float32))
+        return out
+
+    def correlate_mean(self, x: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+        """Correlate one vector (sample,), such as an averaged capture, in float64: complex128 (sample,)."""
+        vector = np.array(x, np.complex128, ndmin=1)
+        if vector.shape != (self.samples,):
+            raise DataError(
+                f"capture: shape {vector.shape}, expected ({self.samples},); check order and samples a chip"
+            )
+        out = np.empty(self.samples, np.complex128)
+        finish.correlate_one(vector.view(np.float64), self._tables, out.view(np.float64))
+        return out
+
+    def accumulator(self) -> "MSequenceAccumulator":
+        """Return empty sums that are fed in blocks."""
+        return MSequenceAccumulator(self)
+
+
+class MSequenceAccumulator:
+    """Averages of captures that arrive in blocks; any blocks give the same bits as all captures at once."""
+
+    def __init__(self, correlator: MSequenceCorrelator) -> None:
+        self.count = 0
+        self._correlator = correlator
+        self._state = correlator._new_state()
+
+    def add(self, iq: Captures) -> None:
+        """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
+        x = flat_captures(iq, self._correlator.samples, dims=2)
+        path = self._correlator._path
+        run = path.add_int16 if x.dtype == np.int16 else path.add_float32
+        run(x, self.count, self._correlator._tables, self._state)
+        self.count += len(x)
+
+    def result(self) -> Averages:
+        """Return mean correlation and mean power of all captures so far; more may follow."""
+        if not self.count:
+            raise DataError(
+                "captures: none were added, expected one or more; check that the recording has snapshots"
+            )
+        correlation = np.empty(self._correlator.samples, np.complex64)
+        power = np.empty(self._correlator.samples)
+        finish.result(self._state, self._correlator._tables, self.count, correlation.view(np.float32), power)
+        return correlation, power
+
+
+def flat_captures(iq: Captures, samples: int, dims: int) -> Captures:
+    """View captures as flat I/Q numbers, int16 or float32, of the one array type that kernels are compiled
+    for.
+
+    Copies only what is not C-contiguous, aligned and of the machine's byte order already.
+    """
+    iq = np.asarray(iq)
+    is_complex = iq.dtype.kind == "c" and iq.dtype.itemsize == 8
+    if not is_complex and not (iq.dtype.kind == "i" and iq.dtype.itemsize == 2 and iq.shape[-1:] == (2,)):
+        raise DataError(
+            f"captures: {iq.dtype} of shape {iq.shape}, expected int16 (..., sample, 2) or complex64 "
+            "(..., sample); convert them"
+        )
+    shape = iq.shape if is_complex else iq.shape[:-1]
+    if len(shape) != dims or shape[-1] != samples:
+        raise DataError(
+            f"captures: shape {shape} before I and Q, expected {samples} samples in {dims} dimensions; "
+            "check order and samples a chip"
+        )
+    iq = np.require(iq, iq.dtype.newbyteorder("="), ["C", "A"])
+    flat = iq.view(np.float32) if is_complex else iq.reshape(*shape[:-1], -1)
+    flat.flags.writeable = False
+    return flat
