@@ -41,7 +41,7 @@ def jit(function: Kernel) -> Kernel:
     """
     directory = cache_directory()
     if directory is None:
-        return numba.njit(**SETTINGS)(function)
+        return numba.njit(inline="always", **SETTINGS)(function)
     chosen = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(directory)
     try:
@@ -52,7 +52,7 @@ def jit(function: Kernel) -> Kernel:
 
 def part(function: Kernel) -> Kernel:
     """Compile a function that only entry points call; its code is kept within theirs."""
-    return numba.njit(**SETTINGS)(function)
+    return numba.njit(inline="always", **SETTINGS)(function)
 
 
 @cache

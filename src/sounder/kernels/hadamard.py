@@ -29,7 +29,7 @@ Array = Any
 
 @part
 def scatter(e: Array, rows: Array, spc: int, row: int, first: int, z: Array) -> None:
-    """Sum the samples of each chip n of the wrapped capture e into row ``rows[n]`` of z, columns from ``first``."""
+    """Sum the samples of chip n of the wrapped capture e into row ``rows[n]`` of z, at column ``first``."""
     if spc == 1:
         for n in range(rows.size):
             p = row * rows[n] + first

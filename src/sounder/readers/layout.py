@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,9 @@ from sounder.config import Sounder, parse
 from sounder.layout import Layout, Reference, Samples
 from sounder.readers.native import opened
 from sounder.recording import BackToBack, Captures, Recording, check
+
+CHUNK_CACHE = 64 * 2**20
+"""Decompressed chunks kept by HDF5 for each position that is being read [byte]."""
 
 
 def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording | DataError]:
@@ -101,15 +105,23 @@ def back_to_back(path: Path, layout: Layout, sounder: Sounder) -> BackToBack | N
 @contextmanager
 def _file(path: Path) -> Iterator[Mapping[str, Any]]:
     """Open HDF5 lazily, older MATLAB files whole."""
-    if path.is_file() and not h5py.is_hdf5(path) and path.suffix == ".mat":
-        try:
-            from pymatreader import read_mat
-        except ImportError:
-            raise DataError(f"{path}: older MATLAB files need the extra: pip install 'sounder-to-map[matlab]'") from None
-        yield read_mat(path)
+    if path.suffix == ".mat" and path.is_file() and not h5py.is_hdf5(path):
+        yield _matlab(path)
     else:
         with opened(path) as file:
             yield file
+
+
+def _matlab(path: Path) -> dict[str, Any]:
+    try:
+        from pymatreader import read_mat
+    except ImportError:
+        raise DataError(f"{path}: older MATLAB files need the extra: pip install 'sounder-to-map[matlab]'") from None
+    try:
+        tables: dict[str, Any] = read_mat(path)
+    except (ValueError, TypeError, OSError) as error:
+        raise DataError(f"{path}: not a MATLAB file ({error})") from None
+    return tables
 
 
 def _node(file: Mapping[str, Any], path: Path, name: str) -> Any:
@@ -214,12 +226,17 @@ def _reader(
 ) -> Callable[[int, int, slice], Captures]:
     """Read captures of one direction, named by its place in the sorted grid."""
 
+    @cache
+    def file() -> Mapping[str, Any]:
+        # Kept open while the recording lives: a chunk often holds many directions, and the next call finds it in
+        # HDF5's cache.
+        return h5py.File(path, "r", rdcc_nbytes=CHUNK_CACHE) if h5py.is_hdf5(path) else _matlab(path)
+
     def read(azimuth: int, elevation: int, snapshots: slice) -> Captures:
         a, e = int(order[0][azimuth, 0]), int(order[1][0, elevation])
         direction = e * directions[0] + a if block.slowest == "elevation" else a * directions[1] + e
         where = {"position": position, "azimuth": a, "elevation": e, "direction": direction, "snapshot": snapshots}
-        with _file(path) as file:
-            return _captures(file, path, block, where)
+        return _captures(file(), path, block, where)
 
     return read
 

@@ -1,7 +1,7 @@
 """The toolkit's own recording file: HDF5 that netCDF4 readers open too, one position a file."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -80,11 +80,6 @@ def recordings(path: Path) -> list[Recording]:
                 f"({azimuth.size} azimuths, {elevation.size} elevations, snapshot, sample, 2)"
             )
 
-        def reader(a: int, e: int, snapshots: slice) -> Captures:
-            with opened(path) as again:
-                captures: Captures = again["iq"][a, e, snapshots]
-                return captures
-
         recording = Recording(
             name=str(file.attrs.get("position", path.stem)),
             source=path,
@@ -99,10 +94,28 @@ def recordings(path: Path) -> list[Recording]:
             valid=file["valid"][:].astype(bool) if "valid" in file else np.ones(directions, bool),
             los=int(file.attrs.get("los", -1)),
             time=file["time"][:] if "time" in file else None,
-            read=reader,
+            read=_reader(path, iq),
         )
     check(recording, shape[3])
     return [recording]
+
+
+def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Captures]:
+    """Map a contiguous dataset into memory at its place in the file; read any other through HDF5."""
+    offset = iq.id.get_offset() if iq.chunks is None and iq.dtype.isnative else None
+    if offset is not None:
+        try:
+            mapped = np.memmap(path, np.int16, "r", offset, iq.shape)
+        except ValueError:
+            raise DataError(f"{path}: the file ends before its samples do; copy it again") from None
+        return lambda a, e, snapshots: mapped[a, e, snapshots]
+
+    def read(a: int, e: int, snapshots: slice) -> Captures:
+        with opened(path) as again:
+            captures: Captures = again["iq"][a, e, snapshots]
+            return captures
+
+    return read
 
 
 def back_to_back(path: Path) -> BackToBack:

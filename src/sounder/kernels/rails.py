@@ -1,0 +1,21 @@
+"""Samples at the ends of the converter's range."""
+
+import numpy as np
+import numpy.typing as npt
+
+from sounder.kernels.compile import jit
+
+
+@jit
+def count_rails(flat: npt.NDArray[np.int16]) -> int:
+    """Count the int16 numbers at -32768 or 32767.
+
+    Parameters
+    ----------
+    flat : array (number,)
+        I and Q of any number of captures.
+    """
+    count = 0
+    for k in range(flat.size):
+        count += (flat[k] == 32767) | (flat[k] == -32768)
+    return count
