@@ -5,15 +5,15 @@ The shipped `LIBRARY` takes its power laws from Table 3 of ITU-R P.2040, the row
 whose reflection is 1 within 0.2 % at any of these frequencies, a guess for asphalt.
 
 Plaster is the letter's. It prints "correlation length 0.15, height standard deviation 1.7" without units. At
-300 GHz the wavelength is 1.0 mm and the specular amplitude falls by
-``exp(-(4 pi sigma_h cos(theta) / lambda)**2 / 2)``. With ``sigma_h`` = 1.7 mm that is exp(-228), -1982 dB at
-normal incidence and still -60 dB at 80 degrees: no reflection would be left to sense with. With ``sigma_h`` =
-0.15 mm it is exp(-1.78), -15.4 dB at normal incidence and -3.9 dB at 60 degrees, and a correlation length of
-1.7 mm gives slopes near sqrt(2) 0.15 / 1.7 = 0.12, a surface a trowel can leave. So the two labels are read as
-swapped and the unit as mm: height deviation 0.15 mm, correlation length 1.7 mm (compare the indoor surfaces
-of Jansen et al., "Diffuse scattering from rough surfaces in THz communication channels", IEEE Trans. Terahertz
-Sci. Technol. 1 (2011) 462-472). Its index 1.92 - j0.059 is eps = 3.683 - j0.2266, 3.78 S/m at 300 GHz; the
-index is used as it stands at other frequencies.
+300 GHz the wavelength is 1.0 mm and the specular amplitude falls by ``exp(-(4 pi sigma_h cos(theta) /
+lambda)**2 / 2)``. With ``sigma_h`` = 1.7 mm that is exp(-228), -1982 dB at normal incidence and still -60 dB
+at 80 degrees: no reflection would be left to sense with. With ``sigma_h`` = 0.15 mm it is exp(-1.78), -15.4
+dB at normal incidence and -3.9 dB at 60 degrees, and a correlation length of 1.7 mm gives slopes near
+sqrt(2) 0.15 / 1.7 = 0.12, a surface a trowel can leave. So the two labels are read as swapped and the unit
+as mm: height deviation 0.15 mm, correlation length 1.7 mm (compare the indoor surfaces of Jansen et al.,
+"Diffuse scattering from rough surfaces in THz communication channels", IEEE Trans. THz Sci. Technol. 1
+(2011) 462-472). Its index 1.92 - j0.059 is eps = 3.683 - j0.2266, 3.78 S/m at 300 GHz; the index is used as
+it stands at other frequencies.
 """
 
 from collections.abc import Mapping
