@@ -1,6 +1,6 @@
 """Correlation of captures with an m-sequence, and its averages over snapshots."""
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -8,32 +8,14 @@ import numpy.typing as npt
 from erm.errors import DataError
 from sounder.kernels import finish, portable
 from sounder.kernels.mls import permutations
-from sounder.kernels.tables import State, Tables
+from sounder.kernels.tables import TAIL, State
 
 ORDERS = range(7, 16)
 SAMPLES_PER_CHIP = range(1, 5)
+BLOCK = 64  # captures converted at a time
 
 Captures = npt.NDArray[Any]
 Averages = tuple[npt.NDArray[np.complex64], npt.NDArray[np.float64]]
-
-
-class Accumulator(Protocol):
-    """Averages of captures that arrive in blocks."""
-
-    def add(self, iq: Captures) -> None:
-        """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
-
-    def result(self) -> Averages:
-        """Return the averages of all captures so far; more may follow."""
-
-
-class Correlator(Protocol):
-    """What the averaging of directions needs to know of a correlator."""
-
-    samples: int
-
-    def average_directions(self, iq: Captures, correlation: Captures, power: Captures) -> None:
-        """Average captures (direction, snapshot, ...) into the two given arrays (direction, sample)."""
 
 
 class MSequenceCorrelator:
@@ -62,10 +44,7 @@ class MSequenceCorrelator:
             )
         self.samples = found.input.size * samples_per_chip
         self._path = portable
-        self._tables: Tables = self._path.tables(found, samples_per_chip)
-
-    def _new_state(self) -> State:
-        return self._path.state(self._tables.rows.size, self._tables.samples_per_chip)
+        self._tables = self._path.tables(found, samples_per_chip)
 
     def average(self, iq: Captures) -> Averages:
         """Average one direction: mean correlation, complex64 (sample,), and mean power, float64 (sample,)."""
@@ -81,15 +60,17 @@ class MSequenceCorrelator:
             raise DataError(
                 "captures: 0 snapshots in a direction, expected one or more; leave the direction out"
             )
-        run = self._path.average_int16 if x.dtype == np.int16 else self._path.average_float32
-        run(x, self._tables, self._new_state(), correlation.view(np.float32), power)
+        self._run(x, 0, self._path.state(self._tables), correlation, power)
 
     def correlate(self, iq: Captures) -> npt.NDArray[np.complex64]:
         """Correlate every capture by itself: complex64 (snapshot, sample)."""
         x = flat_captures(iq, self.samples, dims=2)
         out = np.empty((len(x), self.samples), np.complex64)
-        run = self._path.correlate_int16 if x.dtype == np.int16 else self._path.correlate_float32
-        run(x, self._tables, self._new_state(), out.view(np.float32))
+        state = self._path.state(self._tables)
+        for first in range(0, len(x), BLOCK):
+            block = x[first : first + BLOCK].astype(np.float32, copy=False)
+            block.flags.writeable = False
+            self._path.correlate_float32(block, self._tables, state, out[first : first + BLOCK])
         return out
 
     def correlate_mean(self, x: npt.ArrayLike) -> npt.NDArray[np.complex128]:
@@ -99,13 +80,19 @@ class MSequenceCorrelator:
             raise DataError(
                 f"capture: shape {vector.shape}, expected ({self.samples},); check order and samples a chip"
             )
+        wrapped = np.concatenate([vector, vector[: TAIL // 2]]).view(np.float64)
+        sums, z = np.empty(2 * self.samples), np.zeros(2 * (self.samples + self._tables.samples_per_chip))
         out = np.empty(self.samples, np.complex128)
-        finish.correlate_one(vector.view(np.float64), self._tables, out.view(np.float64))
+        finish.correlate_one(wrapped, sums, z, self._tables, out)
         return out
 
     def accumulator(self) -> "MSequenceAccumulator":
         """Return empty sums that are fed in blocks."""
         return MSequenceAccumulator(self)
+
+    def _run(self, x: Captures, seen: int, state: State, correlation: Captures, power: Captures) -> None:
+        run = self._path.run_int16 if x.dtype == np.int16 else self._path.run_float32
+        run(x, seen, self._tables, state, correlation, power)
 
 
 class MSequenceAccumulator:
@@ -114,15 +101,15 @@ class MSequenceAccumulator:
     def __init__(self, correlator: MSequenceCorrelator) -> None:
         self.count = 0
         self._correlator = correlator
-        self._state = correlator._new_state()
+        self._state = correlator._path.state(correlator._tables)
 
     def add(self, iq: Captures) -> None:
         """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
-        x = flat_captures(iq, self._correlator.samples, dims=2)
-        path = self._correlator._path
-        run = path.add_int16 if x.dtype == np.int16 else path.add_float32
-        run(x, self.count, self._correlator._tables, self._state)
-        self.count += len(x)
+        samples = self._correlator.samples
+        x = flat_captures(np.asarray(iq)[np.newaxis], samples, dims=3)
+        nowhere = np.empty((0, samples), np.complex64), np.empty((0, samples))
+        self._correlator._run(x, self.count, self._state, *nowhere)
+        self.count += x.shape[1]
 
     def result(self) -> Averages:
         """Return mean correlation and mean power of all captures so far; more may follow."""
@@ -130,10 +117,11 @@ class MSequenceAccumulator:
             raise DataError(
                 "captures: none were added, expected one or more; check that the recording has snapshots"
             )
-        correlation = np.empty(self._correlator.samples, np.complex64)
-        power = np.empty(self._correlator.samples)
-        finish.result(self._state, self._correlator._tables, self.count, correlation.view(np.float32), power)
-        return correlation, power
+        samples = self._correlator.samples
+        correlation, power = np.empty((1, samples), np.complex64), np.empty((1, samples))
+        nothing = flat_captures(np.empty((1, 0, samples, 2), np.int16), samples, dims=3)
+        self._correlator._run(nothing, self.count, self._state, correlation, power)
+        return correlation[0], power[0]
 
 
 def flat_captures(iq: Captures, samples: int, dims: int) -> Captures:
@@ -156,6 +144,6 @@ def flat_captures(iq: Captures, samples: int, dims: int) -> Captures:
             "check order and samples a chip"
         )
     iq = np.require(iq, iq.dtype.newbyteorder("="), ["C", "A"])
-    flat = iq.view(np.float32) if is_complex else iq.reshape(*shape[:-1], -1)
+    flat = iq.view(np.float32) if is_complex else iq.reshape(*shape[:-1], 2 * samples)
     flat.flags.writeable = False
     return flat

@@ -41,18 +41,18 @@ def jit(function: Kernel) -> Kernel:
     """
     directory = cache_directory()
     if directory is None:
-        return numba.njit(inline="always", **SETTINGS)(function)
+        return numba.njit(**SETTINGS)(function)
     chosen = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(directory)
     try:
-        return numba.njit(cache=True, **SETTINGS)(function)
+        return numba.njit(cache=True, no_cfunc_wrapper=True, **SETTINGS)(function)
     finally:
         numba.config.CACHE_DIR = chosen
 
 
 def part(function: Kernel) -> Kernel:
     """Compile a function that only entry points call; its code is kept within theirs."""
-    return numba.njit(inline="always", **SETTINGS)(function)
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **SETTINGS)(function)
 
 
 @cache

@@ -28,28 +28,32 @@ Array = Any
 
 
 @part
-def scatter(e: Array, rows: Array, spc: int, row: int, first: int, z: Array) -> None:
-    """Sum the samples of chip n of the wrapped capture e into row ``rows[n]`` of z, at column ``first``."""
-    if spc == 1:
+def chip_sums(e: Array, spc: int, u: Array) -> None:
+    """Sum the spc samples from each sample on: flat I/Q numbers, e with its beginning repeated behind its end."""
+    if spc == 2:
+        for t in range(u.size):
+            u[t] = e[t] + e[t + 2]
+        return
+    for t in range(u.size):
+        u[t] = e[t]
+    for q in range(1, spc):
+        for t in range(u.size):
+            u[t] += e[t + 2 * q]
+
+
+@part
+def scatter(u: Array, rows: Array, spc: int, stride: int, first: int, z: Array) -> None:
+    """Write chip n (spc complex numbers) to row ``rows[n]`` of z, ``stride`` apart, from ``first``."""
+    if spc == 2:
         for n in range(rows.size):
-            p = row * rows[n] + first
-            for c in range(2):
-                z[p + c] = e[2 * n + c]
-    elif spc == 2:
-        for n in range(rows.size):
-            p = row * rows[n] + first
-            for c in range(4):
-                z[p + c] = e[4 * n + c] + e[4 * n + c + 2]
-    elif spc == 3:
-        for n in range(rows.size):
-            p = row * rows[n] + first
-            for c in range(6):
-                z[p + c] = (e[6 * n + c] + e[6 * n + c + 2]) + e[6 * n + c + 4]
-    else:
-        for n in range(rows.size):
-            p = row * rows[n] + first
-            for c in range(8):
-                z[p + c] = (e[8 * n + c] + e[8 * n + c + 2]) + (e[8 * n + c + 4] + e[8 * n + c + 6])
+            p = stride * rows[n] + first
+            even, odd = u[2 * n], u[2 * n + 1]
+            z[p], z[p + 1] = even, odd
+        return
+    for n in range(rows.size):
+        p = stride * rows[n] + first
+        for c in range(spc):
+            z[p + c] = u[spc * n + c]
 
 
 @part
@@ -73,19 +77,9 @@ def walsh_hadamard(z: Array, row: int) -> None:
 
 
 @part
-def wrap(e: Array, length: int) -> None:
-    """Repeat the beginning of the capture behind its end, as far as the last chip's sums reach."""
-    for t in range(8):
-        e[length + t] = e[t]
-
-
-@part
-def unpermute(
-    z: Array, stride: int, first: int, positions: Array, spc: int, scale: float, out: Array
-) -> None:
-    """Read delay k from row ``positions[k]`` of z (rows ``stride`` apart), from column ``first`` on."""
-    width = 2 * spc
-    for k in range(positions.size):
-        p = stride * positions[k] + first
-        for c in range(width):
-            out[width * k + c] = scale * z[p + c]
+def unpermute(z: Array, stride: int, delays: Array, spc: int, scale: float, out: Array) -> None:
+    """Read chip k, spc complex numbers, from row ``delays[k]`` of z."""
+    for k in range(delays.size):
+        p = stride * delays[k]
+        for c in range(spc):
+            out[spc * k + c] = scale * z[p + c]

@@ -1,9 +1,9 @@
 """The portable path: `hadamard` over rows that captures share.
 
 A row of z has 16 numbers, a cache line, and room for ``16 // chip`` captures, where a chip is 2*spc numbers
-(padded to 8 for spc = 3). A capture always takes the slot that its position in the whole recording gives it:
-each sum is then made in the same order whatever blocks the recording arrives in, and the averages do not
-depend on the blocks, to the last bit.
+(8 for spc = 3). A capture always takes the slot that its position in the whole recording gives it: each sum
+is then made in the same order whatever blocks the recording arrives in, and the averages do not depend on the
+blocks, to the last bit.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from sounder.kernels import finish, hadamard
 from sounder.kernels.compile import jit, part
 from sounder.kernels.mls import Permutations
-from sounder.kernels.tables import State, Tables, new_state
+from sounder.kernels.tables import TAIL, State, Tables, new_state
 
 ROW = 16
 
@@ -23,103 +23,114 @@ Array = Any
 def tables(permutations: Permutations, samples_per_chip: int) -> Tables:
     """Lay out rows in natural order."""
     rows, delays = permutations.input, permutations.output
-    return Tables(samples_per_chip, ROW, rows, delays, rows, delays, float(permutations.polarity))
+    chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
+    return Tables(samples_per_chip, chip, ROW, rows, delays, rows, delays, float(permutations.polarity))
 
 
-def state(chips: int, samples_per_chip: int) -> State:
+def state(tables: Tables) -> State:
     """Allocate a thread's work space and sums."""
-    numbers = 2 * chips * samples_per_chip
-    return new_state(numbers, (numbers + 8, np.float32), ROW * (chips + 1))
+    chips = tables.rows.size
+    return new_state(tables, (2 * chips * tables.samples_per_chip + TAIL, np.float32), ROW * (chips + 1))
 
 
 @part
-def _transform(x: Array, slot: int, tables: Tables, state: State) -> None:
-    """Transform the captures x side by side in one row, the first of them in the given slot."""
+def place(e: Array, u: Array, slot: int, tables: Tables, z: Array) -> None:
+    """Sum a capture over chips and write them into a slot of their rows."""
+    for t in range(TAIL):
+        e[u.size + t] = e[t]
     spc = tables.samples_per_chip
-    chip = 8 if spc > 2 else 2 * spc
-    e, z = state.capture, state.z
-    full = spc != 3 and x.shape[0] * chip == ROW
-    z[: ROW if full else z.size] = 0  # else every row but the first is overwritten
-    for i in range(x.shape[0]):
-        for t in range(x.shape[1]):
-            e[t] = np.float32(x[i, t])
-        hadamard.wrap(e, x.shape[1])
-        hadamard.scatter(e, tables.rows, spc, ROW, (slot + i) * chip, z)
-    hadamard.walsh_hadamard(z, ROW)
+    hadamard.chip_sums(e, spc, u)
+    first = slot * tables.chip // 2
+    hadamard.scatter(u.view(np.complex64), tables.rows, spc, ROW // 2, first, z.view(np.complex64))
 
 
 @part
-def _add_power(x: Array, seen: int, tables: Tables, state: State) -> None:
-    slots = ROW // (8 if tables.samples_per_chip > 2 else 2 * tables.samples_per_chip)
-    first = 0
-    while first < x.shape[0]:
-        slot = (seen + first) % slots
-        last = min(x.shape[0], first + slots - slot)
-        _transform(x[first:last], slot, tables, state)
-        for k in range(state.z.size):
-            state.power[k] += state.z[k] * state.z[k]
-        first = last
-        if (seen + first) % finish.FLUSH_POWER == 0:
-            finish.flush(state.power, state.power_total)
+def add_power(z: Array, power: Array) -> None:
+    """Add z**2 to the power and empty z."""
+    for k in range(z.size):
+        power[k] += z[k] * z[k]
+        z[k] = 0
 
 
 @part
-def _add_int16(x: Array, seen: int, tables: Tables, state: State) -> None:
-    finish.add_int16(x, seen, state.samples, state.samples_total)
-    _add_power(x, seen, tables, state)
-
-
-@part
-def _add_float32(x: Array, seen: int, tables: Tables, state: State) -> None:
-    finish.add_float32(x, state.samples_total)
-    _add_power(x, seen, tables, state)
-
-
-@part
-def _correlate(x: Array, tables: Tables, state: State, out: Array) -> None:
-    for i in range(x.shape[0]):
-        _transform(x[i : i + 1], 0, tables, state)
-        spc = tables.samples_per_chip
-        hadamard.unpermute(state.z, tables.stride, 0, tables.positions, spc, tables.polarity, out[i])
+def _means(count: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+    spc, positions = tables.samples_per_chip, tables.positions
+    finish.mean_power(
+        state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power
+    )
+    finish.mean_capture(state.samples, state.samples_total, count, state.capture)
+    place(state.capture, state.sums, 0, tables, state.z)
+    hadamard.walsh_hadamard(state.z, ROW)
+    hadamard.unpermute(state.z.view(np.complex64), ROW // 2, positions, spc, tables.polarity, correlation)
+    for k in range(state.z.size):
+        state.z[k] = 0
 
 
 @jit
-def add_int16(x: Array, seen: int, tables: Tables, state: State) -> None:
-    """Add captures (capture, number), flat I/Q, to the sums; ``seen`` captures went before."""
-    _add_int16(x, seen, tables, state)
+def run_int16(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+    """Add captures (direction, capture, number), flat I/Q, to the sums; write averages where there is room.
 
-
-@jit
-def add_float32(x: Array, seen: int, tables: Tables, state: State) -> None:
-    """Like `add_int16`, of single-precision captures."""
-    _add_float32(x, seen, tables, state)
-
-
-@jit
-def average_int16(x: Array, tables: Tables, state: State, correlation: Array, power: Array) -> None:
-    """Average captures (direction, capture, number) over captures."""
+    With ``seen`` zero, every direction begins anew; else ``seen`` captures were added before. The averages of
+    a direction are written if ``correlation``, complex64 (direction, sample), and ``power`` have a row for
+    it.
+    """
+    slots = ROW // tables.chip
     for d in range(x.shape[0]):
-        finish.clear(state)
-        _add_int16(x[d], 0, tables, state)
-        finish.means(state, tables, x.shape[1], correlation[d], power[d])
+        if seen == 0:
+            finish.clear(state.power, state.power_total)
+            finish.clear(state.samples, state.samples_total)
+        for i in range(x.shape[1]):
+            for t in range(x.shape[2]):
+                state.capture[t] = np.float32(x[d, i, t])
+                state.samples[t] = np.int32(state.samples[t] + np.int32(x[d, i, t]))
+            place(state.capture, state.sums, (seen + i) % slots, tables, state.z)
+            count = seen + i + 1
+            if count % slots == 0 or i + 1 == x.shape[1]:
+                hadamard.walsh_hadamard(state.z, ROW)
+                add_power(state.z, state.power)
+            if count % finish.FLUSH_POWER == 0:
+                finish.flush(state.power, state.power_total)
+            if count % finish.FLUSH_SAMPLES == 0:
+                finish.flush(state.samples, state.samples_total)
+        if d < correlation.shape[0]:
+            _means(seen + x.shape[1], tables, state, correlation[d], power[d])
 
 
 @jit
-def average_float32(x: Array, tables: Tables, state: State, correlation: Array, power: Array) -> None:
-    """Like `average_int16`, of single-precision captures."""
+def run_float32(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+    """Like `run_int16`, of single-precision captures."""
+    slots = ROW // tables.chip
     for d in range(x.shape[0]):
-        finish.clear(state)
-        _add_float32(x[d], 0, tables, state)
-        finish.means(state, tables, x.shape[1], correlation[d], power[d])
-
-
-@jit
-def correlate_int16(x: Array, tables: Tables, state: State, out: Array) -> None:
-    """Correlate every capture (capture, number), flat I/Q in and out."""
-    _correlate(x, tables, state, out)
+        if seen == 0:
+            finish.clear(state.power, state.power_total)
+            finish.clear(state.samples, state.samples_total)
+        for i in range(x.shape[1]):
+            for t in range(x.shape[2]):
+                state.capture[t] = x[d, i, t]
+                state.samples_total[t] += x[d, i, t]
+            place(state.capture, state.sums, (seen + i) % slots, tables, state.z)
+            count = seen + i + 1
+            if count % slots == 0 or i + 1 == x.shape[1]:
+                hadamard.walsh_hadamard(state.z, ROW)
+                add_power(state.z, state.power)
+            if count % finish.FLUSH_POWER == 0:
+                finish.flush(state.power, state.power_total)
+            if count % finish.FLUSH_SAMPLES == 0:
+                finish.flush(state.samples, state.samples_total)
+        if d < correlation.shape[0]:
+            _means(seen + x.shape[1], tables, state, correlation[d], power[d])
 
 
 @jit
 def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> None:
-    """Like `correlate_int16`, of single-precision captures."""
-    _correlate(x, tables, state, out)
+    """Correlate every capture (capture, number): complex64 (capture, sample)."""
+    spc = tables.samples_per_chip
+    for i in range(x.shape[0]):
+        for t in range(x.shape[1]):
+            state.capture[t] = x[i, t]
+        for k in range(state.z.size):
+            state.z[k] = 0
+        place(state.capture, state.sums, 0, tables, state.z)
+        hadamard.walsh_hadamard(state.z, ROW)
+        z = state.z.view(np.complex64)
+        hadamard.unpermute(z, ROW // 2, tables.positions, spc, tables.polarity, out[i])

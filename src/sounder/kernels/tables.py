@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 LINE = 64
+TAIL = 8  # numbers that the sums of the last chip reach beyond the end
 
 Array = Any
 
@@ -13,14 +14,14 @@ Array = Any
 class Tables(NamedTuple):
     """Constants of one sequence at one number of samples a chip, in the layout of one path.
 
-    The transform's result is a flat array of float32; the chip at delay k is found ``stride * positions[k]``
-    numbers from its start, and once more every chip's width (2, 4, 8 numbers) until the next stride, where
-    several captures share a row.
+    The transform is a flat array of float32. The chip of delay k begins ``stride * positions[k]`` numbers
+    from its start; where several captures share a stride, each has ``chip`` numbers of it.
     """
 
     samples_per_chip: int
+    chip: int
     stride: int
-    gather: Array  # where the path finds the chips that make its rows
+    gather: Array  # where the path finds the chips of its rows
     positions: Array  # (chips,)
     rows: Array  # (chips,), Permutations.input
     delays: Array  # (chips,), Permutations.output
@@ -30,7 +31,8 @@ class Tables(NamedTuple):
 class State(NamedTuple):
     """Work space and running sums of one thread."""
 
-    capture: Array  # one or two captures, wrapped
+    capture: Array  # as the path wants it, its beginning repeated behind its end
+    sums: Array  # float32, sums over the samples of a chip
     z: Array  # float32, the transform
     power: Array  # float32, sum of squares of z since the last flush
     power_total: Array  # float64
@@ -38,10 +40,12 @@ class State(NamedTuple):
     samples_total: Array  # float64
 
 
-def new_state(numbers: int, capture: tuple[int, npt.DTypeLike], transform: int) -> State:
-    """Allocate sums of ``numbers`` numbers a capture and ``transform`` numbers a transform, all zero."""
+def new_state(tables: Tables, capture: tuple[int, npt.DTypeLike], transform: int) -> State:
+    """Allocate a state of ``transform`` numbers a transform, all sums zero."""
+    numbers = 2 * tables.samples_per_chip * tables.rows.size
     return State(
         zeros(*capture),
+        zeros(numbers, np.float32),
         zeros(transform, np.float32),
         zeros(transform, np.float32),
         zeros(transform, np.float64),
