@@ -25,7 +25,7 @@ ACCEPTED = "accepted"
 DELAY_STD = 0.3e-9  # s; a sample of a 1.2 GS/s sounder is 0.83 ns, 0.24 ns rms when delays are left on it
 AZIMUTH_STD = 3.0  # degree; a 10 degree grid left unrefined is 2.9 degrees rms
 ELEVATION_STD = 3.0  # degree
-MAX_REFLECTION_LOSS = 13.0  # dB; see `select`
+MAX_REFLECTION_LOSS = 12.0  # dB; see `select`
 GAIN_EXCESS = 3.0  # dB; two paths in one resolution cell may add up to more than free space
 DIRECT_DELAY = 1e-9  # s; below this excess a face is tangent to the direct path and cannot be located
 DIRECT_AZIMUTH = 5.0  # degree; half a beam
@@ -54,8 +54,8 @@ def select(
         the smallest of the scenario (Eq. 4), which one metal or glass face makes too strict for all others.
     max_reflection_loss : float
         Loss beyond free space [dB]. Smooth faces lose most at normal incidence: metal 0, glass 7, concrete 8,
-        brick 10, plaster (n = 1.92) 10 dB by Fresnel's equations, hence 10 dB plus 3 dB for roughness and
-        gain error. Two bounces at 45 degrees lose 12 dB or more off the same materials.
+        brick 10, plaster (n = 1.92) 10 dB by Fresnel's equations, hence 10 dB plus 2 dB for roughness and
+        gain error. Two bounces at 45 degrees lose 11 dB or more off concrete and plaster.
     delay_window, azimuth_window : float
         Half axes of a cluster about its strongest component [s], [degree].
     ground_height : float
@@ -96,12 +96,23 @@ def select(
     reason = np.full(table.sizes["mpc"], ACCEPTED, dtype=object)
     for text, holds in reasons.items():
         reason[(reason == ACCEPTED) & holds] = text
-    return _with_faces(table).assign(
-        link=("mpc", link),
-        cluster=("mpc", cluster),
-        reflection_loss=("mpc", loss, {"units": "dB"}),
-        accepted=("mpc", reason == ACCEPTED),
-        reason=("mpc", reason.astype(np.str_)),
+    options = {
+        "threshold": threshold,
+        "max_reflection_loss": float(limit),
+        "delay_window": delay_window,
+        "azimuth_window": azimuth_window,
+        "ground_height": ground_height,
+    }
+    return (
+        _with_faces(table)
+        .assign(
+            link=("mpc", link),
+            cluster=("mpc", cluster),
+            reflection_loss=("mpc", loss, {"units": "dB"}),
+            accepted=("mpc", reason == ACCEPTED),
+            reason=("mpc", reason.astype(np.str_)),
+        )
+        .assign_attrs(options)
     )
 
 
