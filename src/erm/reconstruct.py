@@ -22,7 +22,7 @@ EXTRA_LOSS = 1.0  # dB; a double bounce loses at least this much more than eithe
 
 
 def reconstruct(
-    table: "xr.Dataset", *, min_support: int = 3, max_gap: float = 25.0, face_depth: float = 0.1
+    table: "xr.Dataset", *, min_support: int = 3, max_gap: float = 15.0, face_depth: float = 0.1
 ) -> tuple[Environment, "xr.Dataset"]:
     """Merge the faces of all positions into walls.
 

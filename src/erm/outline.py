@@ -1,0 +1,97 @@
+"""Known outlines to judge a map by: GeoJSON LineStrings and Polygons in local metres, or an Environment."""
+
+import json
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erm.environment import Environment
+from erm.errors import DataError
+from erm.geometry import FloatArray
+
+
+def read_outline(path: Path | str, *, z_slice: float | None = None, min_visible: float = 0.0) -> FloatArray:
+    """Read the wall segments of a GeoJSON outline.
+
+    Parameters
+    ----------
+    path : path
+        A FeatureCollection, Feature or geometry; Points are passed over.
+    z_slice : float, optional
+        Keep features with this ``z_slice_m`` [m]. Default: the lowest slice there is. Features without the
+        property are kept.
+    min_visible : float
+        Keep features of which a larger share than this is visible from a receiver
+        (``visible_from_any_rx_frac``); those without the property are kept.
+
+    Returns
+    -------
+    array (segment, 2 ends, 2)
+        East/north [m].
+
+    Raises
+    ------
+    DataError
+        The file is missing, is not GeoJSON, or no wall is left after the filters.
+    """
+    path = Path(path)
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror}); expected a GeoJSON outline") from None
+    except ValueError as error:
+        raise DataError(f"{path}: not JSON ({error}); expected a GeoJSON outline") from None
+    if not isinstance(document, dict) or "type" not in document:
+        raise DataError(f"{path}: has no GeoJSON type; expected LineStrings or Polygons")
+    features = document.get("features", [document])
+    slices = {value for feature in features if (value := _property(feature, "z_slice_m")) is not None}
+    level = z_slice if z_slice is not None else min(slices, default=None)
+    segments: list[Any] = []
+    for feature in features:
+        slice_ = _property(feature, "z_slice_m")
+        visible = _property(feature, "visible_from_any_rx_frac")
+        if (slice_ is None or slice_ == level) and (visible is None or visible > min_visible):
+            try:
+                segments += [
+                    (a[:2], b[:2])
+                    for line in _lines(feature.get("geometry", feature))
+                    for a, b in pairwise(line)
+                    if a[:2] != b[:2]
+                ]
+            except (KeyError, TypeError, AttributeError) as error:
+                raise DataError(
+                    f"{path}: a feature is not GeoJSON ({error!r}); expected coordinates"
+                ) from None
+    if not segments:
+        known = f"; slices in the file: {sorted(slices)}" if slices else ""
+        raise DataError(f"{path}: no LineString or Polygon is left{known}; relax z_slice or min_visible")
+    return np.asarray(segments, dtype=float)
+
+
+def outline_of(environment: Environment) -> FloatArray:
+    """Wall segments (segment, 2 ends, 2) of an environment [m]; poles have none."""
+    table = environment.reflectors
+    return table["end_points"].values[table["kind"].values == "wall"]
+
+
+def _property(feature: Any, name: str) -> float | None:
+    """The value of a feature's property, None where it has none."""
+    return (feature.get("properties") or {}).get(name) if isinstance(feature, dict) else None
+
+
+def _lines(geometry: Any) -> Iterator[list]:
+    """Coordinates of every line and ring of a geometry."""
+    kind = geometry["type"]
+    if kind == "LineString":
+        yield geometry["coordinates"]
+    elif kind in ("MultiLineString", "Polygon"):
+        yield from geometry["coordinates"]
+    elif kind == "MultiPolygon":
+        for polygon in geometry["coordinates"]:
+            yield from polygon
+    elif kind == "GeometryCollection":
+        for part in geometry["geometries"]:
+            yield from _lines(part)
