@@ -56,6 +56,18 @@ class Pattern:
             cuts = [-12.0 * (angle / (hpbw or 360.0)) ** 2 for hpbw in (antenna.hpbw_azimuth, antenna.hpbw_elevation)]
         return cls(antenna.gain, cuts[0], cuts[1], antenna.sidelobe_floor)
 
+    @property
+    def sidelobe_level(self) -> float:
+        """Highest relative gain [dB] outside the main lobe, in either cut; the floor where there are no sidelobes."""
+        levels = [self.floor]
+        middle = self.azimuth_cut.size // 2
+        for cut in (self.azimuth_cut, self.elevation_cut):
+            for side in (cut[middle:], cut[middle::-1]):
+                rises = np.flatnonzero(np.diff(side) > 0)
+                if rises.size:
+                    levels.append(float(side[rises[0] :].max()))
+        return max(levels)
+
     def relative_gain(self, azimuth: Angles, elevation: Angles) -> Angles:
         """Gain relative to boresight [dB] at angles off boresight [degree]; shapes broadcast."""
         angle = np.arange(-180, 180 + STEP / 2, STEP)

@@ -1,0 +1,207 @@
+"""Multipath components (MPCs): delay, angle of arrival and path gain of the paths in a CIR, with their errors."""
+
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.constants import c
+
+from sounder.antenna import Pattern
+from sounder.calibration import Deembedding
+from sounder.config import Sounder
+from sounder.daps import noise_power
+from sounder.kernels import cancel as kernel
+
+Threshold = Literal["usc", "nyu"]
+
+CAPACITY = 1024
+"""Most MPCs a position can have."""
+OVER = 64
+"""Points of the tabulated pulse a sample; linear between, so that cancellation is good to -80 dB."""
+MARGIN = 2.0
+"""Amplitude over the pattern's prediction that still counts as the same path (6 dB, for horns not as measured)."""
+LEFTOVER = 0.1
+"""Amplitude under which what a fit leaves around a path is its own remainder (-20 dB)."""
+PASSES = 1
+"""Rounds of fitting each path again with all the others taken out."""
+LOCATED = 3.0
+"""How far over the pattern's sidelobes a path must stand in its beam for its angle to be believed [dB]."""
+DIRECT_GUARD = 5e-9
+"""How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]."""
+
+
+def extract(
+    cir: xr.Dataset,
+    filter_: Deembedding,
+    sounder: Sounder,
+    *,
+    distance: float = 0.0,
+    threshold: Threshold = "usc",
+) -> xr.Dataset:
+    """Extract the MPCs of a position.
+
+    The strongest sample of all beams is refined to a path: its delay by fitting the calibrated pulse, its angles and
+    amplitude by fitting the antenna's pattern to the magnitudes in the beam and its neighbours. Then the path is
+    taken out of every beam, sidelobes in delay and angle with it, and the search starts again, until nothing exceeds
+    the threshold.
+
+    Standard deviations are those of the least-squares fits, with the larger of the noise power and the fit's own
+    residual as variance; for the delay ``std = sqrt(P / 2) / (a 2 pi B)``, the Cramer-Rao form with the RMS bandwidth
+    ``B`` of the pulse, and ``P`` the noise or what the fit left around the path.
+
+    Parameters
+    ----------
+    cir : xarray.Dataset
+        ``cir`` (azimuth, elevation, delay), from :func:`sounder.correlate.impulse_responses`.
+    filter_ : Deembedding
+        That made it; its pulse is the shape of a single path.
+    sounder : Sounder
+        For the receive antenna's pattern and the period.
+    distance : float
+        Direct distance from TX to RX [m]. Delays are known modulo the sequence's period; no path is shorter than the
+        direct one, so earlier ones are late by a period.
+    threshold : {"usc", "nyu"}
+        ``usc``: noise floor + 12 dB, which noise alone exceeds once in 7 million samples (Gomez-Ponce et al.).
+        ``nyu``: the higher of strongest - 25 dB and noise floor + 5 dB (Sun et al.); noise alone exceeds the second
+        in 4 % of the samples, so that weak positions fill with noise.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along ``mpc``, strongest first, possibly none: ``delay`` [s], ``azimuth``, ``elevation`` [degree],
+        ``path_gain`` [dB] without antennas, and ``delay_std``, ``azimuth_std``, ``elevation_std``,
+        ``path_gain_std``. The elevation is NaN where the scan has one elevation only. The attribute
+        ``paths_outside_fan`` counts the paths left out because only sidelobes saw them, so that their angle is not
+        known.
+    """
+    azimuth, elevation = cir["azimuth"].values, cir["elevation"].values
+    beams = np.ascontiguousarray(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), dtype=np.complex64)
+    noise = noise_power(np.abs(beams) ** 2).astype(float)
+    looks = np.stack([grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")], axis=-1).astype(float)
+    pattern = Pattern.of(sounder.rx_antenna)
+    step_azimuth = float(np.diff(azimuth).max()) if azimuth.size > 1 else 0.0
+    around = azimuth.size > 1 and azimuth[0] + 360 - azimuth[-1] <= 1.5 * step_azimuth
+    width_azimuth = sounder.rx_antenna.hpbw_azimuth or 360.0
+    width_elevation = sounder.rx_antenna.hpbw_elevation or 180.0
+    bandwidth = np.ptp(np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate)[filter_.weight > 0])
+    cell = filter_.sample_rate / bandwidth
+    found = np.zeros((CAPACITY, kernel.COLUMNS))
+    count = kernel.cancel(
+        beams,
+        _thresholds(beams, noise, threshold),
+        noise,
+        looks,
+        np.array([azimuth.size, elevation.size, int(around)]),
+        np.array(
+            [
+                max(step_azimuth, width_azimuth / 2),
+                elevation.min() - 2 * width_elevation,
+                elevation.max() + 2 * width_elevation,
+                width_elevation,
+            ]
+        ),
+        pattern.azimuth_cut,
+        pattern.elevation_cut,
+        pattern.floor,
+        _pulse_table(filter_, reach=int(np.ceil(16 * cell))),
+        OVER,
+        np.array([cell, width_azimuth / 2, width_elevation]),
+        MARGIN,
+        LEFTOVER,
+        PASSES,
+        found,
+    )
+    found = found[:count][np.argsort(-found[:count, kernel.AMPLITUDE])]
+    located = _located(found, pattern)
+    table = _table(found[located], noise, filter_, sounder, distance, fans=elevation.size > 1)
+    return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()))
+
+
+def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
+    """Tell the paths whose direction the main lobe has seen.
+
+    A path far above or below the fan is seen through the sidelobes, alike by all beams; its delay is right, its angle
+    is not known.
+    """
+    if pattern.sidelobe_level == 0:  # the flat pattern tells no direction at all
+        return np.ones(len(found), bool)
+    least = 10 ** ((pattern.sidelobe_level + LOCATED) / 20)
+    located: NDArray[np.bool_] = found[:, kernel.OFF_BORESIGHT] > least
+    return located
+
+
+def _thresholds(beams: NDArray[np.complex64], noise: NDArray[np.float64], threshold: Threshold) -> NDArray[np.float64]:
+    """Least power of a path in every beam; infinite where nothing was recorded."""
+    if threshold == "usc":
+        level = noise * 10**1.2
+    else:
+        level = np.maximum(np.nanmax(np.abs(beams)) ** 2 * 10**-2.5, noise * 10**0.5)
+    return np.where(np.isfinite(noise), level, np.inf)
+
+
+def _pulse_table(filter_: Deembedding, reach: int) -> NDArray[np.complex128]:
+    """Pulse at ``OVER`` points a sample, ``reach`` samples to each side, by its inverse Fourier sum."""
+    frequency = np.fft.fftfreq(filter_.weight.size)
+    inside = filter_.weight > 0
+    time = np.arange(-reach * OVER, reach * OVER + 1) / OVER
+    kernel_ = np.exp(2j * np.pi * time[:, None] * frequency[inside])
+    table: NDArray[np.complex128] = kernel_ @ filter_.weight[inside] / filter_.weight.sum()
+    return table
+
+
+def _rms_bandwidth(filter_: Deembedding) -> float:
+    """RMS bandwidth of the pulse about its mean frequency [Hz]."""
+    frequency = np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate)
+    density = filter_.weight**2 / np.sum(filter_.weight**2)
+    mean = np.sum(frequency * density)
+    return float(np.sqrt(np.sum((frequency - mean) ** 2 * density)))
+
+
+def _table(
+    found: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    filter_: Deembedding,
+    sounder: Sounder,
+    distance: float,
+    *,
+    fans: bool,
+) -> xr.Dataset:
+    delay = found[:, kernel.DELAY] / filter_.sample_rate
+    period = sounder.waveform.period
+    earliest = distance / c - DIRECT_GUARD
+    delay = earliest + (delay - earliest) % period
+    amplitude = found[:, kernel.AMPLITUDE]
+    around = np.maximum(noise[found[:, kernel.BEAM].astype(int)], found[:, kernel.LEFT_OVER])
+    columns = {
+        "delay": (delay, "s", "propagation delay"),
+        "azimuth": (found[:, kernel.AZIMUTH] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
+        "elevation": (
+            found[:, kernel.ELEVATION] if fans else np.full(len(found), np.nan),
+            "degree",
+            "elevation of arrival above the horizon",
+        ),
+        "path_gain": (
+            20 * np.log10(amplitude) - sounder.rx_antenna.gain,
+            "dB",
+            "path gain, antennas removed",
+        ),
+        "delay_std": (
+            np.sqrt(around / 2) / (amplitude * 2 * np.pi * _rms_bandwidth(filter_)),
+            "s",
+            "standard deviation of delay",
+        ),
+        "azimuth_std": (found[:, kernel.AZIMUTH_STD], "degree", "standard deviation of azimuth"),
+        "elevation_std": (found[:, kernel.ELEVATION_STD], "degree", "standard deviation of elevation"),
+        "path_gain_std": (
+            20 / np.log(10) * found[:, kernel.AMPLITUDE_STD] / amplitude,
+            "dB",
+            "standard deviation of path gain",
+        ),
+    }
+    return xr.Dataset(
+        {
+            name: ("mpc", values, {"units": units, "long_name": long_name})
+            for name, (values, units, long_name) in columns.items()
+        }
+    )
