@@ -1,6 +1,7 @@
-"""Make the synthetic calibration files of this folder again: ``python calibration/make_synthetic.py [FOLDER]``.
+"""Make the synthetic calibration files of this folder again.
 
-Nothing here was measured. Every number follows from the constants below and from fixed seeds, so two runs agree.
+``python calibration/make_synthetic.py [FOLDER]``. Nothing here was measured. Every number follows from the
+constants below and from fixed seeds, so two runs agree.
 """
 
 import sys
@@ -8,6 +9,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sounder.config import load
+from sounder.readers.native import write_back_to_back
+from sounder.touchstone import read_s21
+from sounder.twin import back_to_back
 
 HPBW = {"azimuth": 10.0, "elevation": 9.0}
 PHASE_ERROR = np.radians(35.0)
@@ -19,9 +25,10 @@ Reals = NDArray[np.float64]
 def aperture_gain(sine: Reals, width: float) -> Reals:
     """Relative gain [dB] of a cosine-tapered line aperture with a quadratic phase error.
 
-    ``F(s) = integral over |x| < 1/2 of cos(pi x) exp(-j phi (2 x)**2) exp(2j pi w s x) dx`` with ``s = sin(theta)``, the
-    width ``w`` in wavelengths and the phase ``phi`` at the edge, which fills the nulls as the flare of a horn does.
-    Without it the first sidelobe lies at -23 dB. Source: Balanis, Antenna Theory, 4th ed., sections 12.5 and 13.3.
+    ``F(s) = integral over |x| < 1/2 of cos(pi x) exp(-j phi (2 x)**2) exp(2j pi w s x) dx`` with
+    ``s = sin(theta)``, the width ``w`` in wavelengths and the phase ``phi`` at the edge, which fills the
+    nulls as the flare of a horn does. Without it the first sidelobe lies at -23 dB.
+    Source: Balanis, Antenna Theory, 4th ed., sections 12.5 and 13.3.
     """
     x = (np.arange(400) + 0.5) / 400 - 0.5
     illumination = np.cos(np.pi * x) * np.exp(-1j * PHASE_ERROR * (2 * x) ** 2)
@@ -30,10 +37,11 @@ def aperture_gain(sine: Reals, width: float) -> Reals:
 
 
 def horn_cut(angle: Reals, hpbw: float) -> Reals:
-    """Principal cut [dB] of a horn of a given half-power beamwidth [degree] over the angle off boresight [degree].
+    """Principal cut [dB] of a horn of a half-power beamwidth [degree] at angles off boresight [degree].
 
-    The aperture's gain times the obliquity ``((1 + cos(theta)) / 2)**2``, plus a far-out level of -40 dB that stands for
-    the edge currents and the back lobe. The width is the one whose -3.01 dB point lies at half the beamwidth.
+    The aperture's gain times the obliquity ``((1 + cos(theta)) / 2)**2``, plus a far-out level of -40 dB that
+    stands for the edge currents and the back lobe. The width is the one whose -3.01 dB point lies at half the
+    beamwidth.
     """
     narrow, wide = 40.0 / hpbw, 100.0 / hpbw
     half_power = np.array([np.sin(np.radians(hpbw / 2))])
@@ -54,8 +62,9 @@ def horn_csv() -> str:
     angle = np.arange(-180.0, 181.0)
     cuts = [horn_cut(angle, HPBW[plane]) for plane in ("azimuth", "elevation")]
     lines = [
-        "# SYNTHETIC: computed by make_synthetic.py, not measured. A 24.5 dBi horn at 132 GHz: cosine-tapered aperture,",
-        f"# half-power beamwidths {HPBW['azimuth']:g} degree (azimuth) and {HPBW['elevation']:g} degree (elevation).",
+        "# SYNTHETIC: computed by make_synthetic.py, not measured. A 24.5 dBi horn at 132 GHz with a",
+        f"# cosine-tapered aperture; half-power beamwidths {HPBW['azimuth']:g} degree (azimuth) and "
+        f"{HPBW['elevation']:g} degree (elevation).",
         "# angle off boresight [degree], gain relative to boresight [dB]",
         "angle,azimuth,elevation",
     ]
@@ -63,9 +72,44 @@ def horn_csv() -> str:
     return "\n".join(lines) + "\n"
 
 
+def attenuator_s2p() -> str:
+    """Text of ``attenuator-60db.s2p``: touchstone 1, real and imaginary parts.
+
+    ``S21 = S12 = 10**(-A / 20) exp(-2j pi f tau)``, ``A = 60 + slope (f - f_0) + ripple cos(2 pi f t)`` dB;
+    the reflections are those of pads some -25 dB from matched, turning with the length of their line.
+    """
+    frequency = 131e9 + 4e6 * np.arange(501)
+    loss = 60.0 + 0.8 * (frequency - 132e9) / 1e9 + 0.25 * np.cos(2 * np.pi * frequency * 1.1e-9)
+    through = 10 ** (-loss / 20) * np.exp(-2j * np.pi * frequency * 1.5e-9)
+    ports = [0.056 * np.exp(-2j * np.pi * frequency * late) for late in (0.21e-9, 0.26e-9)]
+    lines = [
+        "! SYNTHETIC: computed by make_synthetic.py, not measured.",
+        "! A 60 dB waveguide attenuator with 0.8 dB/GHz of slope, 0.25 dB of ripple and 1.5 ns of delay.",
+        "# GHz S RI R 50",
+    ]
+    for row in zip(frequency, ports[0], through, through, ports[1], strict=True):
+        lines.append(f"{row[0] / 1e9:.3f} " + " ".join(f"{s.real:.9e} {s.imag:.9e}" for s in row[1:]))
+    return "\n".join(lines) + "\n"
+
+
 def main(folder: Path) -> None:
-    """Write every file."""
+    """Write the horn, the attenuator and the back-to-back recording.
+
+    The recording is made by the twin with its default faults, from the description beside this script and
+    from the attenuator as its file has it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    attenuator = folder / "attenuator-60db.s2p"
     (folder / "horn-132ghz.csv").write_text(horn_csv(), encoding="utf-8")
+    attenuator.write_text(attenuator_s2p(), encoding="utf-8")
+    description = Path(__file__).parent / "sounder-132ghz.toml"
+    b2b = back_to_back(load(description), read_s21(attenuator), snapshots=32, seed=132)
+    write_back_to_back(
+        b2b,
+        folder / "back-to-back-132ghz.h5",
+        history="python calibration/make_synthetic.py",
+        inputs=[description, attenuator],
+    )
 
 
 if __name__ == "__main__":
