@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -54,7 +55,13 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
 
 
 def sha256(path: Path | str) -> str:
-    """SHA-256 of a file, hexadecimal."""
+    """SHA-256 of a file, hexadecimal; a file of many positions is read once."""
+    facts = os.stat(path)
+    return _sha256(os.fspath(path), facts.st_mtime_ns, facts.st_size)
+
+
+@lru_cache(maxsize=256)
+def _sha256(path: str, modified: int, size: int) -> str:  # the last two tell a changed file
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -99,10 +106,10 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
         The file.
     """
     with atomic_path(target) as temporary:
-        for mode, (group, dataset) in zip(["w"] + ["a"] * len(groups), groups.items(), strict=False):
+        for group, dataset in groups.items():
             dataset.to_netcdf(
                 temporary,
-                mode=mode,  # type: ignore[arg-type] # a literal, chosen in the loop
+                mode="a" if temporary.exists() else "w",
                 group=group,
                 engine="h5netcdf",
                 invalid_netcdf=any(variable.dtype.kind == "c" for variable in dataset.variables.values()),

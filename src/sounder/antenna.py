@@ -74,7 +74,9 @@ class Pattern:
         total = np.interp(azimuth, angle, self.azimuth_cut) + np.interp(elevation, angle, self.elevation_cut)
         return np.maximum(total, self.floor)
 
-    def beam_gain(self, azimuth: Angles, elevation: Angles, boresight_azimuth: Angles, boresight_elevation: Angles) -> Angles:
+    def beam_gain(
+        self, azimuth: Angles, elevation: Angles, boresight_azimuth: Angles, boresight_elevation: Angles
+    ) -> Angles:
         """Relative gain [dB] toward a direction when the antenna looks at another; shapes broadcast."""
         return self.relative_gain(*off_boresight(azimuth, elevation, boresight_azimuth, boresight_elevation))
 

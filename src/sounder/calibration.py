@@ -107,7 +107,7 @@ def deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounder, sc
         raise DataError(f"{b2b.source}: all back-to-back samples are zero; record it again")
     _require_peak(b2b, mean_correlation, sounder)
     waveform = sounder.waveform
-    frequency = np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate)
+    frequency: Real = np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate).astype(float)
     window = band_window(sounder)
     window[0] = 0.0
     inside = window > 0

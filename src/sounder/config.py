@@ -1,6 +1,7 @@
 """The sounder description: what the instrument is, read from TOML, frozen and validated."""
 
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -93,7 +94,7 @@ class Cut(_Table):
     def _consistent(self) -> Self:
         if not len(self.angle) == len(self.azimuth) == len(self.elevation) >= 3:
             raise ValueError("angle, azimuth and elevation must have one length, at least 3")
-        if any(b <= a for a, b in zip(self.angle, self.angle[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(self.angle)):
             raise ValueError("angle must rise")
         if not self.angle[0] < 0 < self.angle[-1]:
             raise ValueError("angle must reach to both sides of boresight (0)")
@@ -134,7 +135,7 @@ class Scan(_Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         for name, values in (("azimuth", self.azimuth), ("elevation", self.elevation)):
-            if not values or any(b <= a for a, b in zip(values, values[1:], strict=False)):
+            if not values or any(b <= a for a, b in pairwise(values)):
                 raise ValueError(f"{name} must hold rising values, at least one")
         if self.azimuth[-1] - self.azimuth[0] >= 360:
             raise ValueError("azimuth goes round more than once; list each direction once")

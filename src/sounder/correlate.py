@@ -126,7 +126,7 @@ def _health(captures: Captures) -> str | None:
     if not captures.any():
         return ZERO
     if captures.dtype == np.int16:
-        clipped = count_rails(captures.reshape(-1)) / captures.size
+        clipped = count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1)) / captures.size
         if clipped > CLIPPED:
             return f"{100 * clipped:.1f} % of the samples are clipped; lower the receiver gain"
     return None

@@ -163,7 +163,7 @@ def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) ->
     base = m_sequence(order, PRIMITIVE[order])
     # Decimating by samples_per_chip would alias noise; the sum over a chip is its matched filter, and the phases
     # of the sum are searched as delays are.
-    summed = sum(np.roll(capture, -k) for k in range(per_chip)).reshape(length, per_chip).T
+    summed = np.sum([np.roll(capture, -k) for k in range(per_chip)], axis=0).reshape(length, per_chip).T
     spectra = np.fft.fft(summed)
     index = np.arange(length)
     peaks: list[tuple[float, int, complex]] = []

@@ -98,9 +98,7 @@ def fit_angles(
         inner = 0.0
         energy = 0.0
         for b in range(beams):
-            g[b] = beam_amplitude(
-                trial[0], trial[1], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, floor
-            )
+            g[b] = beam_amplitude(trial[0], trial[1], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, floor)
             inner += g[b] * magnitude[b]
             energy += g[b] ** 2
         a = inner / energy
@@ -178,9 +176,7 @@ def _slopes(
                     floor,
                 )
                 slope[b, i] = amplitude * (after - before) / (2 * NUDGE)
-        slope[b, 2] = beam_amplitude(
-            angles[0], angles[1], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, floor
-        )
+        slope[b, 2] = beam_amplitude(angles[0], angles[1], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, floor)
 
 
 @part

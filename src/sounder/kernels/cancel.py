@@ -2,8 +2,8 @@
 
 A path of amplitude ``a`` from direction ``w`` at delay ``d`` appears in every beam ``b`` as ``a g(w - w_b) p(t - d)``
 with a phase of its own, since the phase drifts while the horn turns. Each beam's complex amplitude is therefore
-fitted anew, and trusted as long as its magnitude is no more than ``margin`` times what the pattern allows: so a stronger
-path's sidelobes, in angle and in delay, go with it, and another path that arrives at the same time stays.
+fitted anew, and trusted as long as its magnitude is no more than ``margin`` times what the pattern allows: so a
+stronger path's sidelobes, in angle and in delay, go with it, and another path that arrives at the same time stays.
 
 The search keeps the maximum of each block of delays, so one round costs what one path touches.
 """

@@ -1,18 +1,26 @@
 """Readers: one file a format, found through the entry points of the group ``sounder.readers``.
 
-A reader is a module with ``is_format(path) -> bool`` and ``recordings(path) -> list[Recording]``. Files that follow no
-known format are read by saying how they are laid out: :mod:`sounder.readers.layout`.
+A reader is a module with ``is_format(path) -> bool`` and ``recordings(path, sounder=None) -> list[Recording]``.
+Files that follow no known format are read by saying how they are laid out: :mod:`sounder.readers.layout`.
 """
 
 from importlib.metadata import entry_points
 from pathlib import Path
 
 from erm.errors import DataError
+from sounder.config import Sounder
 from sounder.recording import Recording
 
 
-def open_recordings(path: Path) -> list[Recording]:
+def open_recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
     """Open a file in any format that a reader knows; no sample is read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sounder : Sounder, optional
+        Replaces the description that the file holds.
 
     Returns
     -------
@@ -29,6 +37,6 @@ def open_recordings(path: Path) -> list[Recording]:
     for entry in entry_points(group="sounder.readers"):
         reader = entry.load()
         if reader.is_format(path):
-            found: list[Recording] = reader.recordings(path)
+            found: list[Recording] = reader.recordings(path, sounder)
             return found
     raise DataError(f"{path}: not a recording of a known format; say how it is laid out with --layout FILE")

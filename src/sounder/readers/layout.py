@@ -191,7 +191,9 @@ def _shape(file: Mapping[str, Any], path: Path, block: Samples) -> dict[str, int
     """Length of every named axis."""
     node = _node(file, path, block.dataset)
     if node.ndim != len(block.axes):
-        raise DataError(f"{path}: {block.dataset} has {node.ndim} axes {node.shape}; the layout names {len(block.axes)}")
+        raise DataError(
+            f"{path}: {block.dataset} has {node.ndim} axes {node.shape}; the layout names {len(block.axes)}"
+        )
     shape = dict(zip(map(str, block.axes), node.shape, strict=True))
     if shape.get("iq", 2) != 2:
         raise DataError(f"{path}: axis iq of {block.dataset} has length {shape['iq']}; expected 2 (I, Q)")
@@ -241,9 +243,7 @@ def _reader(
     return read
 
 
-def _captures(
-    file: Mapping[str, Any], path: Path, block: Samples, where: Mapping[str, Any]
-) -> Captures:
+def _captures(file: Mapping[str, Any], path: Path, block: Samples, where: Mapping[str, Any]) -> Captures:
     """Captures at ``where``, brought to (snapshot, sample[, iq]), int16 as they are and all else as complex64."""
     index = tuple(where.get(axis, slice(None)) for axis in block.axes)
     left = [axis for axis in block.axes if axis in ("snapshot", "sample", "iq")]
@@ -262,4 +262,3 @@ def _captures(
     if "iq" in left:
         data = data[..., 0] + 1j * data[..., 1]
     return np.ascontiguousarray(data, dtype=np.complex64)
-

@@ -53,8 +53,15 @@ def is_format(path: Path) -> bool:
     return path.is_file() and h5py.is_hdf5(path) and kind_of(path) == RECORDING
 
 
-def recordings(path: Path) -> list[Recording]:
+def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
     """Open a native recording; no sample is read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sounder : Sounder, optional
+        Replaces the description that the file holds.
 
     Returns
     -------
@@ -83,7 +90,7 @@ def recordings(path: Path) -> list[Recording]:
         recording = Recording(
             name=str(file.attrs.get("position", path.stem)),
             source=path,
-            sounder=_description(file, path),
+            sounder=sounder or _description(file, path),
             azimuth=azimuth,
             elevation=elevation,
             snapshots=shape[2],
@@ -128,7 +135,9 @@ def back_to_back(path: Path) -> BackToBack:
     """
     with opened(path) as file:
         if file.attrs.get("kind") != BACK_TO_BACK:
-            raise DataError(f"{path}: not a back-to-back recording; make one with the attenuator in the antennas' place")
+            raise DataError(
+                f"{path}: not a back-to-back recording; make one with the attenuator in the antennas' place"
+            )
         _require(file, path, ("iq",))
         measured = "attenuator_s21" in file
         return BackToBack(
@@ -145,7 +154,9 @@ def back_to_back(path: Path) -> BackToBack:
 def _require(file: h5py.File, path: Path, names: Iterable[str]) -> None:
     absent = [name for name in names if name not in file]
     if absent:
-        raise DataError(f"{path}: no {', '.join(absent)} in the file; expected a recording as docs/formats.md describes")
+        raise DataError(
+            f"{path}: no {', '.join(absent)} in the file; expected a recording as docs/formats.md describes"
+        )
 
 
 def _description(file: h5py.File, path: Path) -> Sounder:
@@ -192,7 +203,9 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
         file.attrs["frequency"] = recording.sounder.carrier.frequency
         file.attrs["los"] = recording.los
         grid = ("azimuth", "elevation")
-        _variable(file, "azimuth", ("azimuth",), recording.azimuth, "degree", "horn azimuth, counter-clockwise from east")
+        _variable(
+            file, "azimuth", ("azimuth",), recording.azimuth, "degree", "horn azimuth, counter-clockwise from east"
+        )
         _variable(file, "elevation", ("elevation",), recording.elevation, "degree", "horn elevation above the horizon")
         for end in ("tx", "rx"):
             position = getattr(recording, f"{end}_position")[None]
