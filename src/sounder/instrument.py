@@ -209,8 +209,8 @@ class AGC(_Table):
 class Converter(_Table):
     """Analogue to digital: clipped at full scale, rounded to steps of ``2 full_scale / 2**bits``.
 
-    A sample cannot be stored without one; 16 bits and a full scale above the signal make its errors
-    negligible.
+    Stored left-justified in int16, so that a clipped sample is -32768 or 32767 whatever the bits. A sample cannot
+    be stored without a converter; 16 bits and a full scale above the signal make its errors negligible.
 
     Parameters
     ----------
@@ -230,14 +230,14 @@ class Converter(_Table):
 
     @property
     def scale_factor(self) -> float:
-        """Amplitude of one LSB [sqrt(mW)]."""
-        return float(self.amplitude / 2 ** (self.bits - 1))
+        """Amplitude of one LSB of int16 [sqrt(mW)]."""
+        return self.amplitude / 2**15
 
     def convert(self, signal: Complex) -> NDArray[np.int16]:
-        """Samples (..., iq) in LSB of a signal in units of sqrt(mW)."""
-        largest = 2 ** (self.bits - 1) - 1
-        parts = np.stack([signal.real, signal.imag], axis=-1) / self.scale_factor
-        return np.clip(np.rint(parts), -largest - 1, largest).astype(np.int16)
+        """Samples (..., iq) of a signal in units of sqrt(mW)."""
+        step = 2 ** (16 - self.bits)
+        parts = np.stack([signal.real, signal.imag], axis=-1) / (self.scale_factor * step)
+        return np.clip(np.rint(parts) * step, -(2**15), 2**15 - 1).astype(np.int16)
 
 
 class Faults(_Table):
