@@ -159,9 +159,7 @@ class Environment:
     def __post_init__(self) -> None:
         _check(self.reflectors)
         if self.ground and self.ceiling and not self.ground.height < self.ceiling.height:
-            raise DataError(
-                f"ceiling at {self.ceiling.height} m is not above the ground at {self.ground.height} m"
-            )
+            raise DataError(f"ceiling at {self.ceiling.height} m is not above the ground at {self.ground.height} m")
         used = set(self.reflectors.material.values.tolist())
         used |= {slab.material for slab in (self.ground, self.ceiling) if slab}
         if unknown := sorted(used - set(self.materials) - set(LIBRARY)):

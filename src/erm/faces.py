@@ -66,11 +66,7 @@ def faces_of(environment: Environment) -> Faces:
     length = np.hypot(span[:, 0], span[:, 1])
     along = span / length[:, None]
     normal = np.stack([-along[:, 1], along[:, 0], np.zeros(len(label))], axis=-1)
-    slabs = [
-        (tag, slab.height)
-        for tag, slab in ((GROUND, environment.ground), (CEILING, environment.ceiling))
-        if slab
-    ]
+    slabs = [(tag, slab.height) for tag, slab in ((GROUND, environment.ground), (CEILING, environment.ceiling)) if slab]
     more = len(slabs)
     return Faces(
         label=np.concatenate([label, np.array([tag for tag, _ in slabs], dtype=label.dtype)]),

@@ -89,21 +89,17 @@ def _in_wedge(faces: Faces, apex: np.ndarray, window: np.ndarray, wall: np.ndarr
     left = faces.start[window] - apex
     right = left + faces.along[window] * faces.length[window, None]
     turn = np.sign(_cross(left, right))[:, None, None]
-    ends = np.stack(
-        [faces.start[wall], faces.start[wall] + faces.along[wall] * faces.length[wall, None]], axis=1
-    )
+    ends = np.stack([faces.start[wall], faces.start[wall] + faces.along[wall] * faces.length[wall, None]], axis=1)
     seen = ends[None] - apex[:, None, None]  # (n, w, end, 2)
     inside_left = (turn * _cross(left[:, None, None], seen) > 0).any(-1)
     inside_right = (turn * _cross(seen, right[:, None, None]) > 0).any(-1)
     normal, offset = faces.normal[window, :2], faces.offset[window]
     apex_side = np.sign((apex * normal).sum(-1) - offset)[:, None, None]
-    beyond = apex_side * (np.einsum("wex,nx->nwe", ends, normal) - offset[:, None, None]) < -ON_FACE
+    beyond = apex_side * (np.einsum("wbx,nx->nwb", ends, normal) - offset[:, None, None]) < -ON_FACE
     return inside_left & inside_right & beyond.any(-1)
 
 
-def bounces(
-    faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences
-) -> tuple[np.ndarray, np.ndarray]:
+def bounces(faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences) -> tuple[np.ndarray, np.ndarray]:
     """Bounce points of the sequences that carry a path from transmitter to receiver.
 
     Backwards from the receiver: the line to the last image meets the last face at the last bounce, the line

@@ -62,15 +62,11 @@ class Material:
     def __post_init__(self) -> None:
         n = self.refractive_index
         if n is not None and not (n.real > 0 and n.imag <= 0):
-            raise DataError(
-                f"material {self.name}: refractive index {n}; write it as n' - j n'', a loss is negative"
-            )
+            raise DataError(f"material {self.name}: refractive index {n}; write it as n' - j n'', a loss is negative")
         if n is None and not (self.permittivity[0] > 0 and self.conductivity[0] >= 0):
             raise DataError(f"material {self.name}: permittivity must be positive, conductivity not negative")
         if not (isfinite(self.height_deviation) and self.height_deviation >= 0):
-            raise DataError(
-                f"material {self.name}: height deviation {self.height_deviation} m; expected 0 or more"
-            )
+            raise DataError(f"material {self.name}: height deviation {self.height_deviation} m; expected 0 or more")
 
     def relative_permittivity(self, frequency: float) -> complex:
         """Complex relative permittivity ``eps' - j eps''`` at a frequency [Hz]."""

@@ -75,9 +75,7 @@ def trace(
     for candidates in sequences(faces, here, max_order):
         vertices, face = bounces(faces, here, there, candidates)
         found.append((vertices, faces.label[face], faces.normal[face], None))
-    parts = [
-        _paths(environment, here, there, frequency, polarization, *group) for group in found if len(group[0])
-    ]
+    parts = [_paths(environment, here, there, frequency, polarization, *group) for group in found if len(group[0])]
     return _table(parts, max_order, frequency)
 
 
@@ -139,15 +137,11 @@ def _paths(
     }
 
 
-def _surfaces(
-    environment: Environment, reflector: np.ndarray, frequency: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _surfaces(environment: Environment, reflector: np.ndarray, frequency: float) -> tuple[np.ndarray, np.ndarray]:
     """Permittivity and height deviation of the reflectors (path, bounce) met."""
     names = dict(enumerate(environment.reflectors.material.values.tolist()))
     names |= {
-        tag: slab.material
-        for tag, slab in ((GROUND, environment.ground), (CEILING, environment.ceiling))
-        if slab
+        tag: slab.material for tag, slab in ((GROUND, environment.ground), (CEILING, environment.ceiling)) if slab
     }
     distinct, place = np.unique(reflector, return_inverse=True)
     used = [environment.materials[names[tag]] for tag in distinct.tolist()]
@@ -166,9 +160,7 @@ def _angles(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _position(name: str, value: ArrayLike) -> np.ndarray:
     position = np.asarray(value, dtype=float)
     if position.shape != (3,) or not np.isfinite(position).all():
-        raise DataError(
-            f"{name} is {np.asarray(value).tolist()}; expected three numbers, east, north, up [m]"
-        )
+        raise DataError(f"{name} is {np.asarray(value).tolist()}; expected three numbers, east, north, up [m]")
     return position
 
 

@@ -103,9 +103,7 @@ def test_a_hand_drawn_geojson_needs_shapes_alone(tmp_path):
 
 
 def test_a_csv_needs_end_points_alone(tmp_path):
-    (tmp_path / "a.csv").write_text(
-        "first_east,first_north,second_east,second_north,top\n0,0,4,0,\n0,0,0,4,3\n"
-    )
+    (tmp_path / "a.csv").write_text("first_east,first_north,second_east,second_north,top\n0,0,4,0,\n0,0,0,4,3\n")
     table = Environment.read(tmp_path / "a.csv").reflectors
     assert table.top.values.tolist() == [np.inf, 3.0]
     assert table.material.values.tolist() == ["concrete", "concrete"]
@@ -119,7 +117,11 @@ def test_a_csv_needs_end_points_alone(tmp_path):
         ("a.geojson", "[]", "FeatureCollection"),
         ("a.geojson", '{"type": "FeatureCollection", "features": [{"geometry": null}]}', "feature 0"),
         ("a.gpkg", "text", "not a GeoPackage"),
+        ("a.geojson", '{"type": "FeatureCollection", "features": 3}', "features"),
+        ("a.geojson", '{"type": "FeatureCollection", "features": [], "ground": 3}', "malformed"),
+        ("a.geojson", '{"type": "FeatureCollection", "features": [], "materials": ["x"]}', "malformed"),
         ("a.csv", "", "empty"),
+        ("a.csv", "first_east,first_north,second_east,second_north,normal\n0,0,1,0,inf\n", "column normal"),
         ("a.csv", "kind\nwall\n", "no column first_east"),
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1\n", "row 1 has 3 cells"),
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1,x\n", "column second_north"),

@@ -119,9 +119,7 @@ def test_roughness_takes_its_share_at_each_bounce():
     ends = [[[0.0, -50.0], [0.0, 50.0]]]
     tx, rx = (5.0, -8.0, 2.0), (9.0, 12.0, 2.0)
     gain = [
-        trace(Environment.walls(ends, material=m.name, materials={m.name: m}), tx, rx, FREQUENCY).coefficient[
-            1
-        ]
+        trace(Environment.walls(ends, material=m.name, materials={m.name: m}), tx, rx, FREQUENCY).coefficient[1]
         for m in (smooth, rough)
     ]
     cosine = 14 / np.hypot(14.0, 20.0)

@@ -67,9 +67,7 @@ def routes(tx: np.ndarray, vertices: np.ndarray, rx: np.ndarray) -> list[np.ndar
     return [np.concatenate([tx[None], path[~np.isnan(path[:, 0])], rx[None]]) for path in vertices]
 
 
-def gain_on(
-    route: np.ndarray, normal: np.ndarray, reflector: np.ndarray, place: Environment, f: float
-) -> float:
+def gain_on(route: np.ndarray, normal: np.ndarray, reflector: np.ndarray, place: Environment, f: float) -> float:
     """Gain [dB] along given bounce points."""
     names = dict(enumerate(place.reflectors.material.values.tolist()))
     names |= {tag: slab.material for tag, slab in ((-1, place.ground), (-2, place.ceiling)) if slab}
@@ -103,9 +101,7 @@ def test_an_independent_ray_tracer_finds_the_same_paths(shared_data, scene):
         theirs = {name: values[row] for name, values in theirs.items()}
         paths = paths.isel(path=column)
         legs = [np.diff(route, axis=0) for route in routes(tx, paths.vertices.values, rx)]
-        late = (
-            paths.delay.values - theirs["delay_geom_s"]
-        )  # 0.01 ps of rounded outlines, some 0.01 rad of phase
+        late = paths.delay.values - theirs["delay_geom_s"]  # 0.01 ps of rounded outlines, some 0.01 rad of phase
         compared.append(
             [
                 late,
@@ -131,8 +127,8 @@ def test_an_independent_ray_tracer_finds_the_same_paths(shared_data, scene):
     delay, gain, phase, *angles, shortest = np.concatenate(compared, axis=1)
     assert missed + extra <= 0.01 * len(truth["order"])
     assert np.abs(delay).max() < 1e-12
-    # Their bounce points err by some 0.3 mm (single precision). Between two bounces in the angle of two faces,
-    # a few centimetres apart, that turns the leg by 10 mrad and changes its gain; on their points we agree.
+    # Their bounce points err by some 0.3 mm (single precision). Between two bounces in the angle of two
+    # faces, a few centimetres apart, that turns the leg by 10 mrad and changes its gain; on their points we agree.
     assert np.abs(gain[shortest > 0.1]).max() < 0.1
     assert np.abs(on_their_points).max() < 0.1
     assert (np.abs(gain) < 0.1).mean() > 0.997

@@ -61,10 +61,7 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
     for name, (row, column) in COVARIANCES.items():
         covariance[:, row, column] = covariance[:, column, row] = number(columns, name, count)
     numbers = {name: number(columns, name, count) for name in ("radius", "base", "top", "normal", "offset")}
-    words = {
-        name: np.asarray(columns.get(name, [DEFAULTS[name]] * count), dtype=str)
-        for name in ("kind", "material")
-    }
+    words = {name: np.asarray(columns.get(name, [DEFAULTS[name]] * count), dtype=str) for name in ("kind", "material")}
     table = make_reflectors(
         ends,
         covariance=covariance,
@@ -92,4 +89,6 @@ def number(columns: Columns, name: str, count: int) -> np.ndarray:
         values = np.array([np.nan if cell in (None, "") else cell for cell in columns[name]], dtype=float)
     except (TypeError, ValueError) as error:
         raise DataError(f"column {name}: {error}; expected numbers") from error
+    if name not in ("base", "top") and np.isinf(values).any():
+        raise DataError(f"column {name} is infinite in row {int(np.argmax(np.isinf(values))) + 1}; expected numbers")
     return np.where(np.isnan(values), MISSING.get(name, np.nan), values)

@@ -37,21 +37,20 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
         raise DataError(f"{path}: not GeoJSON ({error}); expected a FeatureCollection") from error
     if not isinstance(document, dict) or document.get("type") != "FeatureCollection":
         raise DataError(f"{path}: not a GeoJSON FeatureCollection of walls (LineString) and poles (Point)")
+    features = document.get("features", [])
+    if not isinstance(features, list):
+        raise DataError(f"{path}: features is no list; expected walls (LineString) and poles (Point)")
     rows: list[dict[str, Any]] = []
-    for index, feature in enumerate(document.get("features") or ()):
+    for index, feature in enumerate(features):
         try:
             shape = feature["geometry"]
             rows += rows_of_shape(shape["type"], shape["coordinates"], feature.get("properties") or {})
         except (TypeError, ValueError, KeyError, AttributeError) as error:
-            raise DataError(
-                f"{path}: feature {index} is neither a LineString nor a Point ({error!r})"
-            ) from error
+            raise DataError(f"{path}: feature {index} is neither a LineString nor a Point ({error!r})") from error
     return table_of_rows(rows), document
 
 
-def rows_of_shape(
-    kind: str, points: list[list[float]], properties: Mapping[str, Any]
-) -> list[dict[str, Any]]:
+def rows_of_shape(kind: str, points: list[list[float]], properties: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Rows of the reflectors one shape stands for: a Point is a pole, each piece of a LineString a wall."""
     row = dict(properties)
     if kind == "Point":

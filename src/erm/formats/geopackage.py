@@ -27,10 +27,7 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
         shapely.Point(end[0]) if kind == "pole" else shapely.LineString(end)
         for kind, end in zip(columns["kind"], ends, strict=True)
     ]
-    fields = [
-        columns[name].astype(object) if columns[name].dtype.kind == "U" else columns[name]
-        for name in DEFAULTS
-    ]
+    fields = [columns[name].astype(object) if columns[name].dtype.kind == "U" else columns[name] for name in DEFAULTS]
     with atomic_path(path) as temporary:
         pyogrio.raw.write(
             temporary,
@@ -55,7 +52,7 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
         layer = LAYER if LAYER in layers else layers[0]
         facts = pyogrio.read_info(path, layer=layer)
         meta, _, shapes, fields = pyogrio.raw.read(path, layer=layer)
-        scene = json.loads((facts["layer_metadata"] or {}).get("environment", "{}"))
+        scene = json.loads((facts.get("layer_metadata") or {}).get("environment", "{}"))
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, IndexError, ValueError) as error:
         raise DataError(f"{path}: not a GeoPackage of reflectors ({error})") from error
     rows: list[dict[str, Any]] = []
@@ -64,9 +61,7 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
         try:
             rows += rows_of_shape(shape.geom_type, shapely.get_coordinates(shape).tolist(), properties)
         except (TypeError, ValueError, AttributeError) as error:
-            raise DataError(
-                f"{path}: feature {index} is neither a LineString nor a Point ({error!r})"
-            ) from error
+            raise DataError(f"{path}: feature {index} is neither a LineString nor a Point ({error!r})") from error
     return table_of_rows(rows), scene
 
 

@@ -33,7 +33,10 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
             scene = json.loads(lines[0].removeprefix(MARK))
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise DataError(f"{path}: not a CSV of reflectors ({error})") from error
-    rows = [row for row in csv.reader(line for line in lines if not line.startswith("#")) if row]
+    try:
+        rows = [row for row in csv.reader(line for line in lines if not line.startswith("#")) if row]
+    except csv.Error as error:
+        raise DataError(f"{path}: not a CSV of reflectors ({error})") from error
     if not rows:
         raise DataError(f"{path}: empty; expected a header and a row a reflector")
     header, *body = rows
