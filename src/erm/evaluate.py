@@ -6,14 +6,20 @@ beside it. RMSE means the root of the mean square; the letter's "RMSE" is the st
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from erm.environment import Environment
-from erm.geometry import FloatArray, angle_difference, azimuth_of
+from erm.geometry import FloatArray, angle_difference, azimuth_of, reflection_point
+from erm.mpc_table import path_length
 from erm.outline import outline_of
+from erm.reconstruct import reconstruct
+from erm.select import select
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FOUND_DISTANCE = 1.0  # m; a wall nearer than this to a face stands for it
 FOUND_ANGLE = 10.0  # degree
@@ -29,9 +35,7 @@ class PointErrors(NamedTuple):
     full: FloatArray | None  # m, to the true point
 
 
-def point_errors(
-    points: npt.ArrayLike, outline: FloatArray, true_points: npt.ArrayLike | None = None
-) -> PointErrors:
+def point_errors(points: npt.ArrayLike, outline: FloatArray, true_points: npt.ArrayLike | None = None) -> PointErrors:
     """Errors of reflection points against an outline.
 
     Parameters
@@ -62,18 +66,19 @@ def point_errors(
 
 
 def summary(errors: npt.ArrayLike) -> dict[str, float]:
-    """``count``, ``min``, ``max``, ``mean``, ``std`` and ``rmse`` of errors [m]; NaN where there are none.
+    """``count``, ``min``, ``max``, ``mean``, ``median``, ``std`` and ``rmse`` of errors [m]; NaN where there are none.
 
     ``std`` is the population's, by n, and ``rmse**2 = mean**2 + std**2``.
     """
     errors = np.asarray(errors, dtype=float)
     if errors.size == 0:
-        return {"count": 0} | dict.fromkeys(("min", "max", "mean", "std", "rmse"), float("nan"))
+        return {"count": 0} | dict.fromkeys(("min", "max", "mean", "median", "std", "rmse"), float("nan"))
     return {
         "count": int(errors.size),
         "min": float(errors.min()),
         "max": float(errors.max()),
         "mean": float(errors.mean()),
+        "median": float(np.median(errors)),
         "std": float(errors.std()),
         "rmse": float(np.sqrt(np.mean(errors**2))),
     }
@@ -88,14 +93,31 @@ def evaluate_points(
     return result if errors.full is None else result | {"full": summary(errors.full)}
 
 
+def evaluate_mpcs(table: "xr.Dataset", outline: FloatArray) -> dict[str, dict[str, dict[str, float]]]:
+    """Reconstruct from an MPC table and judge the accepted reflection points, three ways.
+
+    Returns
+    -------
+    dict
+        `evaluate_points` of ``single``, the point of each path by itself; ``merged``, where the wall of
+        all paths reflects it; ``planar``, by the letter's equations with the slant delay.
+    """
+    _, merged = reconstruct(select(table))
+    kept = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
+    path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
+    planar, _ = reflection_point(*path, planar=True)
+    points = {"single": kept["reflection_point"].values, "merged": kept["wall_point"].values, "planar": planar}
+    return {kind: evaluate_points(value, outline) for kind, value in points.items()}
+
+
 def evaluate_walls(
     environment: Environment, outline: FloatArray, hits: npt.ArrayLike | None = None, *, min_hits: int = 3
 ) -> dict[str, Any]:
     """Match the walls of a map to the faces of an outline.
 
     A wall is sampled every ``STEP``. A sample stands for the nearest face that is parallel to the wall within
-    ``FOUND_ANGLE``, if it lies within ``FOUND_DISTANCE`` of it. A wall most of whose samples stand for no face
-    is false; the faces that samples of the others stand for are found.
+    ``FOUND_ANGLE``, if it lies within ``FOUND_DISTANCE`` of it. A wall most of whose samples stand for no
+    face is false; the faces that samples of the others stand for are found.
 
     Parameters
     ----------
@@ -162,10 +184,8 @@ def rounded(result: Mapping[str, Any], digits: int = 4) -> dict[str, Any]:
     return {key: plain(value) for key, value in result.items()}
 
 
-def _faces_behind(
-    wall: FloatArray, outline: FloatArray
-) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
-    """Nearest parallel face and its distance [m] for samples of a wall, and each face's angle to it [degree]."""
+def _faces_behind(wall: FloatArray, outline: FloatArray) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
+    """For samples of a wall: nearest parallel face and its distance [m]; and each face's angle [degree]."""
     length = float(np.linalg.norm(wall[1] - wall[0]))
     share = (np.arange(max(1, round(length / STEP))) + 0.5) / max(1, round(length / STEP))
     samples = wall[0] + share[:, None] * (wall[1] - wall[0])

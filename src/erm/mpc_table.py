@@ -25,9 +25,7 @@ COORDINATES = tuple(f"{end}_{axis}" for end in ("tx", "rx") for axis in "xyz")
 COLUMNS = ("position", "los", *COORDINATES, "frequency", *VALUES)
 STD_COLUMNS = tuple(f"{name}_std" for name in VALUES)
 BLANK_ALLOWED = ("los", "elevation", *STD_COLUMNS)
-EARLY = (
-    1e-9  # s; a path this much shorter than the direct one is timing and surveying error, not a contradiction
-)
+EARLY = 1e-9  # s; a path this much shorter than the direct one is timing and surveying error, not a contradiction
 LONGEST = 1e-3  # s; 300 km: the delay is not in seconds
 
 Columns = Mapping[str, npt.ArrayLike]
@@ -125,9 +123,7 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
             f"{path}: not a text table ({error}); expected CSV with the header {','.join(COLUMNS)}"
         ) from None
     if missing := [name for name in COLUMNS if name not in header]:
-        raise DataError(
-            f"{path}: has no column {', '.join(missing)}; expected the header {','.join(COLUMNS)}"
-        )
+        raise DataError(f"{path}: has no column {', '.join(missing)}; expected the header {','.join(COLUMNS)}")
 
     numbers = {
         name: np.array([_number(row.get(name), name in BLANK_ALLOWED) for row in rows], dtype=float)
@@ -166,9 +162,7 @@ def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
         raise DataError(f"{path}: has no attribute frequency; expected a product of `sounder process`")
     names = np.atleast_1d(root["position"].values) if "position" in root else np.array([Path(path).stem])
     if len(names) != 1:
-        raise DataError(
-            f"{path}: holds {len(names)} positions; expected one a file, as `sounder process` writes"
-        )
+        raise DataError(f"{path}: holds {len(names)} positions; expected one a file, as `sounder process` writes")
     table = make_table(
         {
             "position": str(names[0]),
@@ -195,6 +189,31 @@ def write_csv(table: "xr.Dataset", path: Path | str) -> None:
         writer = csv.writer(file)
         writer.writerow([*COLUMNS, *std])
         writer.writerows(zip(*columns, strict=True))
+
+
+def write_reflection_points(table: "xr.Dataset", path: Path | str) -> None:
+    """Write the accepted components of `erm.reconstruct` as CSV: reflection points, their errors, their walls.
+
+    ``std_along`` and ``std_across`` are the standard errors of the point along and across its face;
+    ``wall_x .. wall_z`` is where the merged wall reflects the same path. Metres, degrees, dB.
+    """
+    kept = table.isel(mpc=np.flatnonzero(table["accepted"].values))
+    covariance = kept["point_covariance"].values
+    n = np.deg2rad(kept["normal"].values)
+    across = np.stack([np.cos(n), np.sin(n)], axis=-1)
+    along = np.stack([-np.sin(n), np.cos(n)], axis=-1)
+    columns = {name: kept[name].values for name in ("position", "wall")}
+    for column, variable in (("rp", "reflection_point"), ("wall", "wall_point")):
+        columns |= {f"{column}_{axis}": kept[variable].values[:, i] for i, axis in enumerate("xyz")}
+    columns |= {
+        f"std_{name}": np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", way, covariance, way), 0))
+        for name, way in (("along", along), ("across", across))
+    }
+    columns |= {name: kept[name].values for name in ("normal", "delay", "azimuth", "path_gain", "reflection_loss")}
+    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
 
 
 def path_length(table: "xr.Dataset") -> npt.NDArray[np.float64]:
@@ -240,8 +259,6 @@ def _checked(
         fresh = rows & kept
         if fresh.any():
             where = f"line {np.argmax(fresh) + first_line}" if first_line else f"component {np.argmax(fresh)}"
-            complaints.append(
-                f"{path}: {np.count_nonzero(fresh)} of {len(kept)} rows dropped: {rule} (first: {where})"
-            )
+            complaints.append(f"{path}: {np.count_nonzero(fresh)} of {len(kept)} rows dropped: {rule} (first: {where})")
         kept &= ~rows
     return table.isel(mpc=kept), complaints

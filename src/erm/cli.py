@@ -1,0 +1,230 @@
+"""Command line: MPCs to a map, a map to its score, a map to the paths it predicts, the letter's tables."""
+
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from erm.errors import DataError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Reconstruct the environment from multipath components, judge it, and predict from it.",
+)
+Point = tuple[float, float, float]
+MapFile = Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)]
+
+
+class Threshold(StrEnum):
+    """How single reflections are told by their loss."""
+
+    fixed = "fixed"
+    letter = "letter"
+
+
+@app.command()
+def reconstruct(
+    mpcs: Annotated[
+        list[Path], typer.Argument(help="MPC tables (.csv) and products of `sounder process`, any mixture.")
+    ],
+    out: Annotated[Path, typer.Option(help="Map to write: .h5, .geojson, .gpkg or .csv.")],
+    rps: Annotated[Path | None, typer.Option(help="Also write the accepted reflection points (.csv).")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Also draw the map (.png, .pdf, .svg).")] = None,
+    threshold: Annotated[
+        Threshold, typer.Option(help="Largest loss of a single reflection: fixed, or the letter's Eq. 4.")
+    ] = Threshold.fixed,
+    max_loss: Annotated[float, typer.Option(help="The fixed threshold [dB].")] = 12.0,
+    min_support: Annotated[int, typer.Option(min=1, help="Antenna pairs that must share a wall.")] = 3,
+    ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
+) -> None:
+    """Reconstruct the walls that reflected the components."""
+    import numpy as np
+
+    from erm.mpc_table import read_mpcs, write_reflection_points
+    from erm.reconstruct import reconstruct as merge_walls
+    from erm.select import select
+
+    table, complaints = read_mpcs(mpcs)
+    if complaints and not table.sizes["mpc"]:
+        _complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
+    selected = select(table, threshold=threshold.value, max_reflection_loss=max_loss, ground_height=ground)
+    environment, merged = merge_walls(selected, min_support=min_support)
+    environment.write(out)
+    if rps:
+        write_reflection_points(merged, rps)
+    if figure:
+        from erm.figures import plot_map
+
+        _save(plot_map(environment, table=merged), figure)
+    walls = environment.reflectors
+    length = np.linalg.norm(walls["end_points"].values[:, 1] - walls["end_points"].values[:, 0], axis=-1)
+    columns = [*(walls[name].values for name in ("normal", "offset")), length, walls["top"].values]
+    rows = np.column_stack(columns)
+    _show(
+        ["wall", "normal [degree]", "offset [m]", "length [m]", "top [m]", "paths"],
+        ([i, *map(_number, row), n] for i, (row, n) in enumerate(zip(rows, walls["support"].values, strict=True))),
+    )
+    print(f"{out}: {len(rows)} walls from {int(merged.accepted.sum())} of {table.sizes['mpc']} components")
+    _complain(complaints)
+
+
+@app.command()
+def evaluate(
+    environment: MapFile,
+    outline: Annotated[Path, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)],
+    mpcs: Annotated[
+        list[Path] | None, typer.Argument(help="MPCs whose reflection points are judged too.", show_default=False)
+    ] = None,
+    z_slice: Annotated[
+        float | None, typer.Option(help="Keep outline features with this z_slice_m; default the lowest.")
+    ] = None,
+    min_visible: Annotated[
+        float, typer.Option(help="Keep outline features with more than this share visible from a receiver.")
+    ] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Judge a map against a known outline."""
+    import json
+
+    from erm.environment import Environment
+    from erm.evaluate import evaluate_mpcs, evaluate_walls, rounded
+    from erm.mpc_table import read_mpcs
+    from erm.outline import outline_of, read_outline
+
+    found = Environment.read(environment)
+    if outline.suffix.lower() in (".geojson", ".json"):
+        truth = read_outline(outline, z_slice=z_slice, min_visible=min_visible)
+    else:
+        truth = outline_of(Environment.read(outline))
+    walls = evaluate_walls(found, truth)
+    result: dict = {"walls": walls}
+    complaints: list[str] = []
+    if mpcs:
+        table, complaints = read_mpcs(mpcs)
+        result["points"] = evaluate_mpcs(table, truth)
+    if as_json:
+        print(json.dumps(rounded(result), indent=2))
+    else:
+        print(f"{walls['walls']} walls, {walls['false']} false; {walls['found']} faces of the outline found")
+        errors = {"walls: offset [m]": walls["offset_error"], "walls: angle [degree]": walls["angle_error"]}
+        for kind, summaries in result.get("points", {}).items():
+            errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}
+        names = ("count", "min", "max", "mean", "median", "std", "rmse")
+        _show(["error", *names], ([label, *(_number(row[name]) for name in names)] for label, row in errors.items()))
+    _complain(complaints)
+
+
+@app.command()
+def predict(
+    environment: MapFile,
+    tx: Annotated[Point, typer.Option(help="Transmitter, east north up [m].", show_default=False)],
+    rx: Annotated[Point, typer.Option(help="Receiver, east north up [m].", show_default=False)],
+    frequency: Annotated[float, typer.Option(min=1.0, help="Carrier [Hz].")] = 132e9,
+    max_order: Annotated[int, typer.Option(min=0, max=3, help="Most reflections a path.")] = 2,
+    out: Annotated[Path | None, typer.Option(help="Also write the paths as an MPC table (.csv).")] = None,
+) -> None:
+    """Predict the paths between two places nobody measured."""
+    from erm.environment import Environment
+    from erm.mpc_table import make_table, write_csv
+    from erm.trace import trace
+
+    if tx == rx:
+        raise DataError(f"TX and RX are both at {tx}; expected two places")
+    paths = trace(Environment.read(environment), tx, rx, frequency, max_order=max_order)
+    names = ("delay", "azimuth", "elevation", "path_gain")
+    if out:
+        ends: dict[str, Any] = {"position": "predicted", "tx_position": tx, "rx_position": rx}
+        sight = {"los": int(paths["los"].values.any()), "frequency": frequency}
+        write_csv(make_table({**ends, **sight, **{name: paths[name].values for name in names}}), out)
+    columns = (paths["delay"].values * 1e9, *(paths[name].values for name in names[1:]), paths["order"].values)
+    _show(
+        ["delay [ns]", "azimuth [degree]", "elevation [degree]", "path gain [dB]", "reflections"],
+        ([*map(_number, row[:-1]), int(row[-1])] for row in zip(*columns, strict=True)),
+    )
+
+
+@app.command()
+def letter(out: Annotated[Path, typer.Option(help="Folder for the tables and figures.")]) -> None:
+    """Reproduce the letter's tables and figures from its published reflection points."""
+    from erm import letter as published
+    from erm.figures import plot_error_cdf, plot_letter_points
+    from erm.storage import atomic_path
+
+    entries = published.table_3()
+    texts = {
+        "table_3.csv": published.as_csv(entries),
+        "table_3.md": published.as_markdown(entries),
+        "reflection_points.csv": published.points_csv(),
+    }
+    for name, text in texts.items():
+        with atomic_path(out / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    _save(plot_letter_points().axes[0], out / "reflection_points.png")
+    _save(plot_error_cdf(published.errors()), out / "error_cdf.png")
+    _show(
+        ["scenario", "error", "printed [m]", "recomputed [m]"],
+        ([e.scenario, e.statistic, _number(e.printed), _number(e.recomputed)] for e in entries),
+    )
+    print("Canyon and Porch cannot be recomputed: their reflection points are not printed.")
+
+
+def main() -> None:
+    """Run the command line: exit with 0 if all is done, 1 if something in the data failed, 2 on wrong usage."""
+    try:
+        app()
+    except DataError as error:
+        print(error, file=sys.stderr)
+        raise SystemExit(1) from None
+
+
+def _show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Print a table: ruled on a terminal, tab-separated in a pipe."""
+    cells = [[str(cell) for cell in row] for row in rows]
+    if not sys.stdout.isatty():
+        for row in [list(header), *cells]:
+            print("\t".join(row))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(*header)
+    for row in cells:
+        table.add_row(*row)
+    Console().print(table)
+
+
+def _number(value: float) -> str:
+    """Return a count as it is, other numbers to the hundredth, nothing for NaN."""
+    return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.2f}"
+
+
+def _complain(complaints: Sequence[str]) -> None:
+    """Say on stderr what failed, and exit with 1 if anything did."""
+    for complaint in complaints:
+        print(complaint, file=sys.stderr)
+    if complaints:
+        raise SystemExit(1)
+
+
+def _save(axes: "Axes", path: Path) -> None:
+    """Save the figure of some axes, whole or not at all."""
+    from erm.storage import atomic_path
+
+    try:
+        with atomic_path(path) as temporary:
+            axes.figure.savefig(temporary, dpi=160, bbox_inches="tight")  # type: ignore[union-attr] # no subfigure
+    except ValueError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+if __name__ == "__main__":
+    main()

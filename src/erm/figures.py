@@ -1,0 +1,188 @@
+"""Maps and error curves. Functions take products and return the axes; saving is the caller's business."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from erm import letter
+from erm.environment import Environment
+from erm.geometry import FloatArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, told apart by all; one thing keeps its colour in every figure
+PALETTE = {"TX": "#d55e00", "RX": "#0072b2", "RP": "#e69f00", "wall": "#009e73", "truth": "#8c8c8c"}
+LINES: dict[str, dict[str, Any]] = {"wall": {"linewidth": 2.6, "zorder": 3}, "truth": {"linewidth": 1.0, "zorder": 1}}
+MARKERS: dict[str, dict[str, Any]] = {
+    "TX": {"marker": "*", "s": 170, "zorder": 6, "edgecolors": "black", "linewidths": 0.6},
+    "RX": {"marker": "o", "s": 22, "zorder": 5, "edgecolors": "white", "linewidths": 0.5},
+    "RP": {"marker": "x", "s": 26, "zorder": 4, "linewidths": 1.2},
+}
+CURVES = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+MARGIN = 0.08  # share of the map's larger side left free around it
+
+
+def plot_map(
+    environment: Environment | None = None,
+    *,
+    table: "xr.Dataset | None" = None,
+    outline: FloatArray | None = None,
+    ax: "Axes | None" = None,
+) -> "Axes":
+    """Draw a map: antennas, reflection points, merged walls, known outline.
+
+    Parameters
+    ----------
+    environment : Environment, optional
+        Merged walls and poles.
+    table : xarray.Dataset, optional
+        MPC table; its antennas are drawn and, after `erm.reconstruct`, its accepted reflection points.
+    outline : array (segment, 2 ends, 2), optional
+        Known faces [m]; drawn where the rest of the map is.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    """
+    axes = ax or _new_axes((7.0, 6.0))
+    seen: list[FloatArray] = []
+    if environment is not None:
+        reflectors = environment.reflectors
+        is_wall = reflectors["kind"].values == "wall"
+        walls = reflectors["end_points"].values
+        _segments(axes, walls[is_wall], "wall", "merged wall")
+        if not is_wall.all():
+            x, y = walls[~is_wall, 0].T
+            axes.scatter(x, y, s=30, marker="s", color=PALETTE["wall"], label="pole", zorder=4)
+        seen.append(walls.reshape(-1, 2))
+    if table is not None:
+        if "accepted" in table:
+            points = table["reflection_point"].values[table["accepted"].values, :2]
+            _points(axes, points, "RP", "reflection point")
+            seen.append(points)
+        for name in ("RX", "TX"):
+            antennas = np.unique(table[f"{name.lower()}_position"].values[:, :2], axis=0)
+            _points(axes, antennas, name, name)
+            seen.append(antennas)
+    if outline is not None:
+        _segments(axes, outline, "truth", "known outline")
+        if not any(map(len, seen)):
+            seen.append(outline.reshape(-1, 2))
+    _frame(axes, np.vstack(seen) if seen else np.zeros((0, 2)))
+    axes.set_xlabel("east / m")
+    axes.set_ylabel("north / m")
+    _legend_beside(axes)
+    return axes
+
+
+def plot_error_cdf(errors: Mapping[str, npt.ArrayLike], *, ax: "Axes | None" = None) -> "Axes":
+    """Draw the empirical distribution of errors, one curve an entry.
+
+    Parameters
+    ----------
+    errors : mapping of str to array (point,)
+        Errors [m] by label.
+    """
+    axes = ax or _new_axes((5.2, 3.8))
+    for (label, values), colour in zip(errors.items(), CURVES, strict=False):
+        ordered = np.sort(np.asarray(values, dtype=float))
+        share = np.arange(len(ordered) + 1) / max(len(ordered), 1)
+        rmse = np.sqrt(np.mean(ordered**2)) if len(ordered) else np.nan
+        axes.step(
+            np.r_[0.0, ordered],
+            share,
+            where="post",
+            color=colour,
+            label=f"{label} (n = {len(ordered)}, RMSE {rmse:.2f} m)",
+        )
+    axes.set_xlabel("error / m")
+    axes.set_ylabel("share of reflection points")
+    axes.set_ylim(0, 1.02)
+    axes.set_xlim(left=0)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", frameon=False, fontsize="small")
+    return axes
+
+
+def plot_letter_points() -> "Figure":
+    """Draw the letter's published reflection points and faces: route 1 as a map, route 2 by its ordinates."""
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 5.0), layout="constrained")
+    face = letter.east_north(letter.EAST_BUILDING)
+    along = face[1] - face[0]
+    line = face[0] + np.array([[-0.25], [1.1]]) * along  # the printed points reach beyond the measured ones
+    points = letter.east_north(letter.ROUTE_1_POINTS)
+    left.plot(*line.T, color=PALETTE["truth"], linestyle="--", linewidth=1.0)
+    left.plot(*face.T, color=PALETTE["truth"], linewidth=2.0, label="east building's face")
+    _points(left, points, "RP", "published RP")
+    _points(left, np.zeros((1, 2)), "TX", "TX")
+    left.set_title("Route 1", loc="left", fontsize="medium")
+    left.set_xlabel("east / m")
+    left.set_ylabel("north / m")
+    left.set_aspect("equal")
+    left.set_xlim(-8, 62)
+    left.legend(loc="lower left", frameon=False, fontsize="small")
+
+    count = len(letter.ROUTE_2_ORDINATES)
+    for name, south in letter.CORRIDOR_WALLS.items():
+        right.axhline(-south, color=PALETTE["truth"], linewidth=2.0, zorder=1)
+        right.annotate(name, (0.6, -south), (0, 3), textcoords="offset points", fontsize="small")
+    numbered = np.column_stack([np.arange(1, count + 1), -letter.ROUTE_2_ORDINATES])
+    _points(right, numbered, "RP", "published RP")
+    right.set_title("Route 2 (eastings are not printed)", loc="left", fontsize="medium")
+    right.set_xlabel("number of the reflection point")
+    right.set_ylabel("north / m")
+    right.set_xlim(0.5, count + 0.5)
+    right.set_ylim(-69, -48)
+    right.legend(loc="center right", frameon=False, fontsize="small")
+    return figure
+
+
+def _new_axes(size: tuple[float, float]) -> "Axes":
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(figsize=size, layout="constrained")[1]
+
+
+def _segments(axes: "Axes", segments: FloatArray, thing: str, label: str) -> None:
+    """Draw segments (segment, 2, 2) as one collection, which the view is not fitted to."""
+    from matplotlib.collections import LineCollection
+
+    if len(segments):
+        lines = LineCollection(list(segments), colors=PALETTE[thing], label=label, **LINES[thing])
+        axes.add_collection(lines, autolim=False)
+
+
+def _points(axes: "Axes", points: FloatArray, thing: str, label: str) -> None:
+    """Draw points (point, 2) in the colour and shape of the thing."""
+    if len(points):
+        axes.scatter(*points.T, color=PALETTE[thing], label=label, **MARKERS[thing])
+
+
+def _frame(axes: "Axes", points: FloatArray) -> None:
+    """Fit the view to points (point, 2), metres of equal length both ways."""
+    axes.set_aspect("equal")
+    if len(points):
+        low, high = points.min(axis=0), points.max(axis=0)
+        margin = MARGIN * max(np.max(high - low), 1.0)
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
+
+
+def _legend_beside(axes: "Axes") -> None:
+    """Put the legend above the map, where it hides nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(
+            handles,
+            labels,
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            ncols=len(labels),
+            frameon=False,
+            fontsize="small",
+        )

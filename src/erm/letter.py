@@ -1,0 +1,155 @@
+"""The letter's published reflection points, and its Table 3 computed from them.
+
+Chang et al., "Environment Reconstruction with Multi-targets Reflectors-merged Sensing Method Based on THz
+Single-sided Channel Characteristics". Its frame has the transmitter at the origin, x east and y **south**; the
+numbers here stand as printed, `east_north` turns them into this software's frame.
+
+How the print must be read for its own numbers to come out:
+
+- the face is ``L(x) = a x + b``; the letter prints ``a_L x + a_L``;
+- ``D_Error = |y - a x - b| / sqrt(1 + a**2)``; the letter prints a plus sign, ``b_a`` and no root;
+- what Table 3 calls RMSE is the standard deviation: an RMSE cannot be below the mean;
+- the largest error of route 1 is 3.77 m; the letter prints 3.76.
+
+The reflection points behind the columns Canyon and Porch (routes 3 and 4), and the eastings of route 2's, are not
+printed, so these columns and a full map of route 2 cannot be reproduced.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.evaluate import summary
+from erm.geometry import FloatArray
+
+EAST_BUILDING = np.array([[46.78, 46.57], [41.10, 106.57]])  # m, two measured points of its face
+EAST_BUILDING_LINE = (-10.56, 540.72)  # slope and intercept [m], as printed
+ROUTE_1_POINTS = np.array(
+    [
+        [46.40, 36.35],
+        [45.45, 42.91],
+        [46.09, 50.36],
+        [50.53, 47.11],
+        [44.58, 64.38],
+        [47.51, 65.90],
+        [40.87, 75.03],
+        [43.46, 82.92],
+        [45.87, 83.43],
+        [42.66, 89.26],
+    ]
+)
+ROUTE_2_ORDINATES = np.array([53.94, 65.80, 65.73, 65.89, 65.90, 65.86, 65.31, 67.01])  # m
+ROUTE_2_WALLS = np.array([53.38, *[65.30] * 7])  # m, ordinate of the wall each point belongs to
+CORRIDOR_WALLS = {"sidewalk wall": 53.38, "teaching building": 50.38, "south corridor wall": 65.30}  # m
+STATISTICS = {"min": "min", "max": "max", "mean": "mean", "RMSE": "std"}  # the letter's name: what it is
+TABLE_3: Mapping[str, Mapping[str, float]] = {
+    "Route 1": {"min": 0.09, "max": 3.76, "mean": 1.62, "RMSE": 1.28},
+    "Route 2": {"min": 0.01, "max": 1.71, "mean": 0.62, "RMSE": 0.45},
+    "Canyon": {"min": 1.00, "max": 4.44, "mean": 2.52, "RMSE": 1.28},
+    "Porch": {"min": 0.37, "max": 1.87, "mean": 1.10, "RMSE": 0.51},
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number of Table 3 beside what the published points give.
+
+    Parameters
+    ----------
+    scenario : str
+        Column of the table.
+    statistic : str
+        What the number is.
+    printed : float
+        As in the letter [m]; NaN if it is not there.
+    recomputed : float
+        From the published points [m]; NaN where these are not printed.
+    """
+
+    scenario: str
+    statistic: str
+    printed: float
+    recomputed: float
+
+
+def east_north(points: npt.ArrayLike) -> FloatArray:
+    """Points (..., 2) of the letter's frame, y south, as east/north [m]."""
+    return np.asarray(points, dtype=float) * [1.0, -1.0]
+
+
+def errors() -> dict[str, FloatArray]:
+    """``D_Error`` of every published reflection point [m], by scenario."""
+    slope, intercept = EAST_BUILDING_LINE
+    x, y = ROUTE_1_POINTS.T
+    return {
+        "Route 1": np.abs(y - slope * x - intercept) / np.hypot(1, slope),
+        "Route 2": np.abs(ROUTE_2_ORDINATES - ROUTE_2_WALLS),
+    }
+
+
+def table_3() -> list[Entry]:
+    """Table 3, printed and recomputed, with the true RMSE that it lacks."""
+    known = {scenario: summary(values) for scenario, values in errors().items()}
+    entries = []
+    for scenario, column in TABLE_3.items():
+        found = known.get(scenario, {})
+        for name, statistic in STATISTICS.items():
+            label = "standard deviation (printed as RMSE)" if name == "RMSE" else statistic
+            entries.append(Entry(scenario, label, column[name], found.get(statistic, np.nan)))
+        entries.append(Entry(scenario, "true RMSE", np.nan, found.get("rmse", np.nan)))
+    return entries
+
+
+def as_csv(entries: list[Entry]) -> str:
+    """Table of entries as CSV, blank where a number does not exist."""
+    rows = [f"{e.scenario},{e.statistic},{_cell(e.printed, 2)},{_cell(e.recomputed, 4)}" for e in entries]
+    return "\n".join(["scenario,statistic,printed_m,recomputed_m", *rows]) + "\n"
+
+
+def points_csv() -> str:
+    """Published reflection points and their errors as CSV, in the letter's frame and in east/north."""
+    by_route = errors()
+    rows = [
+        f"Route 1,{x:.2f},{y:.2f},{x:.2f},{-y:.2f},{error:.4f}"
+        for (x, y), error in zip(ROUTE_1_POINTS, by_route["Route 1"], strict=True)
+    ]
+    rows += [
+        f"Route 2,,{y:.2f},,{-y:.2f},{error:.4f}"
+        for y, error in zip(ROUTE_2_ORDINATES, by_route["Route 2"], strict=True)
+    ]
+    return "\n".join(["scenario,x_m,y_south_m,east_m,north_m,error_m", *rows]) + "\n"
+
+
+def as_markdown(entries: list[Entry]) -> str:
+    """Table of entries as Markdown, with what must be known to read it."""
+    rows = [
+        f"| {e.scenario} | {e.statistic} | {_cell(e.printed, 2) or '–'} | {_cell(e.recomputed, 2) or '–'} |"
+        for e in entries
+    ]
+    return "\n".join(
+        [
+            "# Table 3 of the letter, from its published reflection points",
+            "",
+            "| scenario | error statistic | printed [m] | recomputed [m] |",
+            "|---|---|---|---|",
+            *rows,
+            "",
+            "- What the letter calls RMSE is the standard deviation of the error; an RMSE cannot be below the "
+            "mean. The true RMSE stands in its own row.",
+            "- The error is `|y - a x - b| / sqrt(1 + a^2)` with a = -10.56, b = 540.72 m for the east building "
+            "(route 1); the letter's formula has a plus sign, `b_a` and no square root, and its face reads "
+            "`a_L x + a_L`.",
+            "- Route 1's largest error is 3.77 m; the letter prints 3.76.",
+            "- Route 2: the first ordinate belongs to the wall at 53.38 m, the others to that at 65.30 m. The "
+            "eastings are not printed.",
+            "- Canyon and Porch cannot be recomputed: their reflection points and faces are not printed.",
+            "",
+        ]
+    )
+
+
+def _cell(value: float, digits: int) -> str:
+    """Return the number, or nothing where there is none."""
+    return "" if np.isnan(value) else f"{value:.{digits}f}"
