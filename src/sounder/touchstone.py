@@ -31,7 +31,9 @@ def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tu
     DataError
         The file is missing, is not touchstone, has not two ports, or does not cover the band.
     """
-    import skrf  # imported slowly: it takes seconds, and few commands read touchstone
+    # imported slowly: it takes a second, and few commands read touchstone. Not skrf.Network, which would try to
+    # unpickle the file first
+    from skrf.io.touchstone import Touchstone
 
     path = Path(path)
     if not path.is_file():
@@ -39,8 +41,8 @@ def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tu
     if path.suffix.lower() != ".s2p":
         raise DataError(f"{path}: not a two-port touchstone file; expected the suffix .s2p")
     try:
-        network = skrf.Network(path)
-        frequency, s21 = network.f, network.s[:, 1, 0]
+        frequency, parameters = Touchstone(str(path)).get_sparameter_arrays()
+        s21 = parameters[:, 1, 0]
     except (ValueError, IndexError, NotImplementedError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DataError(f"{path}: not readable as touchstone ({reason}); expected a two-port .s2p file") from None
