@@ -141,12 +141,12 @@ def _thresholds(beams: NDArray[np.complex64], noise: NDArray[np.float64], thresh
 
 
 def _pulse_table(filter_: Deembedding, reach: int) -> NDArray[np.complex128]:
-    """Pulse at ``OVER`` points a sample, ``reach`` samples to each side, by its inverse Fourier sum."""
-    frequency = np.fft.fftfreq(filter_.weight.size)
-    inside = filter_.weight > 0
-    time = np.arange(-reach * OVER, reach * OVER + 1) / OVER
-    kernel_ = np.exp(2j * np.pi * time[:, None] * frequency[inside])
-    table: NDArray[np.complex128] = kernel_ @ filter_.weight[inside] / filter_.weight.sum()
+    """Pulse at ``OVER`` points a sample, ``reach`` samples to each side, by zero-padding its spectrum."""
+    weight = filter_.weight
+    half = weight.size // 2  # beyond the band kept on either side the weight is zero
+    padded = np.concatenate([weight[:half], np.zeros(weight.size * (OVER - 1)), weight[half:]])
+    pulse = np.fft.ifft(padded) * (padded.size / weight.sum())
+    table: NDArray[np.complex128] = np.roll(pulse, reach * OVER)[: 2 * reach * OVER + 1]
     return table
 
 

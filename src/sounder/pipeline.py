@@ -14,7 +14,7 @@ from erm.storage import provenance, write_product
 from sounder import layout as layouts
 from sounder import shipped
 from sounder.calibration import Deembedding
-from sounder.config import Sounder, load
+from sounder.config import load
 from sounder.correlate import Averaging, Problem, calibrate, impulse_responses
 from sounder.daps import Omnidirectional, daps
 from sounder.mpc import Threshold, extract
@@ -93,12 +93,10 @@ def gather(
     """
     outcome = Outcome()
     b2b = None if calibration is None else native.back_to_back(calibration)
-    described = None if sounder is None else load(sounder)
-    plan = None if layout is None else layouts.load(layout)
     jobs: list[Job] = []
     for path in paths:
         try:
-            found, inside = _open(path, plan, described)
+            found, inside = open_file(path, layout=layout, sounder=sounder)
             if (own := b2b or inside) is None:
                 raise DataError(f"{path}: no back-to-back capture; pass one with --calibration")
         except DataError as error:
@@ -112,13 +110,68 @@ def gather(
     return jobs, outcome
 
 
-def _open(
-    path: Path, plan: layouts.Layout | None, described: Sounder | None
+def open_file(
+    path: Path, *, layout: Path | None = None, sounder: Path | None = None
 ) -> tuple[Sequence[Recording | DataError], BackToBack | None]:
-    if plan is None:
+    """Open a recording file, native or foreign.
+
+    Returns
+    -------
+    recordings : sequence of Recording or DataError
+        One a position; what cannot be used stands as its error.
+    b2b : BackToBack or None
+        Where a foreign file holds one.
+
+    Raises
+    ------
+    DataError
+        The file, the layout or the description cannot be used.
+    """
+    described = None if sounder is None else load(sounder)
+    if layout is None:
         return open_recordings(path, described), None
+    plan = layouts.load(layout)
     base = described or load(shipped.calibration("sounder-132ghz.toml"))
     return foreign.recordings(path, plan, base), foreign.back_to_back(path, plan, base)
+
+
+def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: Path | None = None) -> Outcome:
+    """Write the positions of a file as native recordings, and the back-to-back it holds as a native one.
+
+    Parameters
+    ----------
+    path : Path
+        File in any readable format.
+    out : Path
+        A ``.h5`` file for one position and nothing else; otherwise a folder.
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, or holds more than one file can take.
+    """
+    found, b2b = open_file(path, layout=layout, sounder=sounder)
+    outcome = Outcome(failures=[str(item) for item in found if isinstance(item, DataError)])
+    recordings = [item for item in found if not isinstance(item, DataError)]
+    single = out.suffix == ".h5"
+    if single and (len(recordings) > 1 or b2b is not None):
+        raise DataError(f"{path}: holds {len(recordings)} positions and more; pass a folder as --out, not {out}")
+    taken: dict[Path, Path] = {}
+    for recording in recordings:
+        try:
+            target = _free(out, recording) if single else _target(recording, out, taken)
+            native.write_recording(recording, target, history="sounder convert")
+        except DataError as error:
+            outcome.failures.append(str(error))
+        else:
+            outcome.products.append(target)
+    if b2b is not None:
+        native.write_back_to_back(b2b, out / "back-to-back.h5", history="sounder convert", inputs=[path])
+    return outcome
 
 
 def process(
@@ -242,9 +295,14 @@ def _target(recording: Recording, out: Path, taken: dict[Path, Path]) -> Path:
             f"{recording.source}: position {recording.name} was already read from {taken[target]}; "
             "give the positions different names or process them into different folders"
         )
-    if target.exists() and target.samefile(recording.source):
-        raise DataError(f"{recording.source}: the product would replace its input; choose another --out")
     taken[target] = recording.source
+    return _free(target, recording)
+
+
+def _free(target: Path, recording: Recording) -> Path:
+    """Refuse to replace the input."""
+    if target.exists() and target.samefile(recording.source):
+        raise DataError(f"{recording.source}: the output would replace its input; choose another --out")
     return target
 
 

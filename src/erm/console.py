@@ -1,0 +1,78 @@
+"""What both command lines share: tables, complaints, progress, figures saved whole, exit codes."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from erm.errors import DataError
+
+if TYPE_CHECKING:
+    import typer
+    from matplotlib.figure import Figure
+
+
+def run(app: "typer.Typer") -> None:
+    """Run a command line: exit with 0 if all is done, 1 if something in the data failed, 2 on wrong usage."""
+    try:
+        app()
+    except DataError as error:
+        print(error, file=sys.stderr)
+        raise SystemExit(1) from None
+
+
+def show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Print a table: ruled on a terminal, tab-separated in a pipe."""
+    cells = [[str(cell) for cell in row] for row in rows]
+    if not sys.stdout.isatty():
+        for row in [list(header), *cells]:
+            print("\t".join(row))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(*header)
+    for row in cells:
+        table.add_row(*row)
+    Console().print(table)
+
+
+def complain(complaints: Sequence[str]) -> None:
+    """Say on stderr what failed, and exit with 1 if anything did."""
+    for complaint in complaints:
+        print(complaint, file=sys.stderr)
+    if complaints:
+        raise SystemExit(1)
+
+
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Save a figure whole or not at all.
+
+    Raises
+    ------
+    DataError
+        The suffix names no format, or the folder cannot be written to.
+    """
+    from erm.storage import atomic_path
+
+    try:
+        with atomic_path(path) as temporary:
+            figure.savefig(temporary, dpi=160, bbox_inches="tight")
+    except ValueError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+@contextmanager
+def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
+    """Yield a function that advances a bar by one; nothing is shown unless stderr is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(label, total=total)
+        yield lambda: bar.advance(task)

@@ -1,0 +1,198 @@
+"""Command line of the sounder: from raw captures to impulse responses, DAPS and MPCs."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from erm import console
+from erm.errors import DataError
+
+if TYPE_CHECKING:
+    from sounder.pipeline import Outcome
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Process raw captures of a radio channel sounder.",
+)
+
+Layout = Annotated[Path | None, typer.Option(help="How a foreign HDF5 or MATLAB file is laid out (TOML).")]
+Description = Annotated[
+    Path | None, typer.Option("--sounder", help="Sounder description (TOML); default: that of the recording.")
+]
+
+
+class Averaging(StrEnum):
+    """Averaging over the snapshots of a direction."""
+
+    coherent = "coherent"
+    phase_aligned = "phase-aligned"
+    power = "power"
+
+
+class Threshold(StrEnum):
+    """Least power of an MPC."""
+
+    usc = "usc"
+    nyu = "nyu"
+
+
+class Omnidirectional(StrEnum):
+    """Making of the omnidirectional PDP."""
+
+    sum = "sum"
+    maximum = "maximum"
+
+
+class Format(StrEnum):
+    """File format of figures."""
+
+    png = "png"
+    pdf = "pdf"
+    svg = "svg"
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path("demo-output"),
+) -> None:
+    """Run the whole chain on the letter's campaign: simulate, process, reconstruct, score."""
+    from sounder.demo import run
+
+    run(out)
+
+
+@app.command()
+def simulate(
+    scene: Annotated[Path, typer.Argument(help="Scene (TOML): environment, positions, instrument.")],
+    out: Annotated[Path, typer.Option(help="Folder for raw recordings, back-to-back and truth.")],
+) -> None:
+    """Simulate the raw recordings of a scene, and write down its truth."""
+    from sounder.scene import load_scene
+    from sounder.simulate import simulate_campaign
+
+    loaded = load_scene(scene)
+    with console.progress("simulating", len(loaded.receivers)) as advance:
+        written = simulate_campaign(loaded, out, progress=advance)
+    print(f"{out}: {len(written)} recordings")
+
+
+@app.command()
+def info(
+    file: Annotated[Path, typer.Argument(help="Raw recording, back-to-back recording or product.")],
+    layout: Layout = None,
+    sounder: Description = None,
+) -> None:
+    """Tell what a raw or product file holds, and its health."""
+    from sounder import summary
+
+    if layout is None:
+        console.show(["what", "value"], summary.describe_file(file))
+        return
+    from sounder.pipeline import open_file
+
+    recordings, b2b = open_file(file, layout=layout, sounder=sounder)
+    failures = [str(item) for item in recordings if isinstance(item, DataError)]
+    for recording in recordings:
+        if not isinstance(recording, DataError):
+            console.show(["what", "value"], summary.describe_recording(recording))
+    if b2b is not None:
+        console.show(["what", "value"], summary.describe_back_to_back(b2b))
+    console.complain(failures)
+
+
+@app.command()
+def convert(
+    file: Annotated[Path, typer.Argument(help="Recording in any readable format.")],
+    out: Annotated[Path, typer.Option(help="Native recording (.h5); a folder if the file holds several positions.")],
+    layout: Layout = None,
+    sounder: Description = None,
+) -> None:
+    """Convert a recording to the native format."""
+    from sounder.pipeline import convert_file
+
+    with console.progress("converting", 1):
+        outcome = convert_file(file, out, layout=layout, sounder=sounder)
+    _report(outcome, out, "recordings")
+
+
+@app.command()
+def process(
+    recordings: Annotated[list[Path], typer.Argument(help="Raw recordings, one or many positions each.")],
+    out: Annotated[Path, typer.Option(help="Folder for the products, one file a position.")],
+    calibration: Annotated[
+        Path | None, typer.Option(help="Back-to-back recording; may stand inside a foreign file.")
+    ] = None,
+    layout: Layout = None,
+    sounder: Description = None,
+    averaging: Annotated[Averaging, typer.Option(help="Over the snapshots of a direction.")] = Averaging.coherent,
+    threshold: Annotated[
+        Threshold, typer.Option(help="Least power of an MPC: noise + 12 dB (usc), or max(peak - 25, noise + 5) (nyu).")
+    ] = Threshold.usc,
+    omnidirectional: Annotated[
+        Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of the beams, or strongest beam.")
+    ] = Omnidirectional.sum,
+    keep_cir: Annotated[bool, typer.Option("--keep-cir", help="Keep the impulse responses in the product.")] = False,
+) -> None:
+    """Process raw recordings to impulse responses, DAPS and MPCs."""
+    from sounder import pipeline
+
+    options = pipeline.Options(
+        averaging=averaging.value,
+        threshold=threshold.value,
+        omnidirectional=omnidirectional.value,
+        keep_cir=keep_cir,
+    )
+    jobs, outcome = pipeline.gather(recordings, calibration=calibration, layout=layout, sounder=sounder)
+    total = sum(int(job.recording.valid.sum()) for job in jobs)
+    with console.progress(f"processing {len(jobs)} positions", total) as advance:
+        pipeline.process(jobs, out, options=options, outcome=outcome, progress=advance)
+    _report(outcome, out, "products")
+
+
+@app.command()
+def figures(
+    products: Annotated[list[Path], typer.Argument(help="Products of `sounder process`.")],
+    out: Annotated[Path, typer.Option(help="Folder for the figures.")],
+    overlay: Annotated[bool, typer.Option("--overlay", help="Draw two positions into one polar DAPS.")] = False,
+    file_format: Annotated[Format, typer.Option("--format", help="File format.")] = Format.png,
+) -> None:
+    """Draw DAPS (polar and cartesian, with the MPCs) and PDP of products."""
+    from sounder.report import draw_overlay, draw_product
+
+    if overlay and len(products) != 2:
+        raise typer.BadParameter(f"--overlay takes two products, got {len(products)}")
+    failures = []
+    written: list[Path] = []
+    with console.progress("drawing", len(products)) as advance:
+        for product in products:
+            try:
+                written += draw_product(product, out, suffix=file_format.value)
+            except DataError as error:
+                failures.append(str(error))
+            advance()
+        if overlay and not failures:
+            written += draw_overlay(products[0], products[1], out, suffix=file_format.value)
+    print(f"{out}: {len(written)} figures")
+    console.complain(failures)
+
+
+def _report(outcome: "Outcome", out: Path, what: str) -> None:
+    import sys
+
+    print(f"{out}: {len(outcome.products)} {what}")
+    for note in outcome.notes:
+        print(f"note: {note}", file=sys.stderr)
+    console.complain(outcome.failures)
+
+
+def main() -> None:
+    """Entry point of ``sounder``."""
+    console.run(app)
+
+
+if __name__ == "__main__":
+    main()

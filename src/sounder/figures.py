@@ -1,0 +1,182 @@
+"""Figures of products: DAPS in polar and cartesian form, PDP, and the MPCs over the DAPS.
+
+Every function draws into the axes it is given and returns them; saving is the caller's business.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.projections.polar import PolarAxes
+from numpy.typing import NDArray
+
+POWER = "viridis"
+"""Colour map of power; perceptually even and safe for colour-blind readers."""
+OVERLAID = ("Blues", "Oranges")
+"""Colour maps of two positions in one figure; hue tells the position, lightness the power."""
+MPC_COLOUR = "#d55e00"
+RINGS = 100
+"""Rings of delay in a polar diagram; a ring shows its strongest sample, or paths would be hairlines."""
+RANGE = 40.0
+"""Power shown below the strongest [dB]."""
+
+
+def strongest_elevation(daps: xr.Dataset) -> xr.DataArray:
+    """DAPS with the strongest elevation at each azimuth and delay [dB]; where all are missing, NaN."""
+    return daps["daps"].max("elevation", keep_attrs=True)
+
+
+def shown_delay(daps: xr.Dataset, over: float = 12.0) -> float:
+    """Delay up to which anything stands ``over`` dB above the noise floor, with a tenth to spare [s]."""
+    above = (daps["daps"] > daps["noise_floor"] + over).any(("azimuth", "elevation"))
+    delay = daps["delay"].values
+    last = delay[above.values][-1] if above.any() else delay[-1]
+    return float(min(1.1 * last, delay[-1]))
+
+
+def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None) -> Axes:
+    """Draw a DAPS over delay and azimuth.
+
+    Parameters
+    ----------
+    daps : xarray.Dataset
+        Group ``/daps`` of a product.
+    ax : matplotlib.axes.Axes
+    mpc : xarray.Dataset, optional
+        Group ``/mpc``; drawn as circles with their azimuth errors.
+    """
+    power = strongest_elevation(daps)
+    top = float(power.max())
+    azimuth = power["azimuth"].values
+    mesh = ax.pcolormesh(
+        power["delay"].values * 1e9,
+        azimuth,
+        power.values,
+        cmap=POWER,
+        vmin=max(top - RANGE, float(daps["noise_floor"].median())),
+        vmax=top,
+        shading="nearest",
+        rasterized=True,
+    )
+    _figure(ax).colorbar(mesh, ax=ax, label="Path gain incl. RX antenna (dB)", pad=0.02)
+    if mpc is not None and mpc.sizes["mpc"]:
+        half = np.diff(azimuth).min() / 2 if azimuth.size > 1 else 180.0
+        # 358 degrees belongs into the row of 0, which reaches from -5 to 5.
+        turned = (mpc["azimuth"].values - azimuth[0] + half) % 360 + azimuth[0] - half
+        ax.errorbar(
+            mpc["delay"].values * 1e9,
+            turned,
+            yerr=np.minimum(np.nan_to_num(mpc["azimuth_std"].values), half),
+            fmt="o",
+            markersize=5,
+            markerfacecolor="none",
+            markeredgecolor=MPC_COLOUR,
+            markeredgewidth=1.2,
+            ecolor=MPC_COLOUR,
+            elinewidth=1,
+            label=f"MPCs ({mpc.sizes['mpc']})",
+        )
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1)
+    ax.set(xlabel="Delay (ns)", ylabel="Azimuth of arrival (°)", xlim=(0, shown_delay(daps) * 1e9))
+    ax.set_yticks(np.arange(0, 361, 60))
+    ax.set_ylim(azimuth[0] - _half_step(azimuth), azimuth[-1] + _half_step(azimuth))
+    return ax
+
+
+def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> PolarAxes:
+    """Draw one DAPS, or two in one diagram: radius delay, angle azimuth, colour power.
+
+    Parameters
+    ----------
+    products : sequence of (name, dataset)
+        Name and group ``/daps`` of one or two positions. What is less than 12 dB above the noise floor or more than
+        :data:`RANGE` below the strongest is left blank.
+    ax : matplotlib.projections.polar.PolarAxes
+
+    Raises
+    ------
+    ValueError
+        There are more than two.
+    """
+    if not 1 <= len(products) <= 2:
+        raise ValueError(f"{len(products)} positions; one or two fit a polar diagram")
+    maps = [POWER] if len(products) == 1 else OVERLAID
+    outer = max(shown_delay(daps) for _, daps in products)
+    for index, ((name, daps), colours) in enumerate(zip(products, maps, strict=True)):
+        above = daps["daps"].where(daps["daps"] > daps["noise_floor"] + 12).max("elevation")
+        top = float(above.max())
+        rings = max(int(outer / RINGS / float(daps["delay"][1] - daps["delay"][0])), 1)
+        power = above.where(above > top - RANGE).coarsen(delay=rings, boundary="trim").max()
+        angle, radius, values = _sectors(power)
+        mesh = ax.pcolormesh(
+            angle,
+            radius * 1e9,
+            values.T,
+            cmap=colours,
+            vmin=top - RANGE - (RANGE / 3 if len(products) == 2 else 0),  # the palest third would vanish on white
+            vmax=top,
+            alpha=1.0 if index == 0 else 0.8,
+            rasterized=True,
+        )
+        _figure(ax).colorbar(
+            mesh,
+            ax=ax,
+            label=f"{name}: path gain incl. RX antenna (dB)",
+            location=("right", "left")[index],
+            pad=0.12,
+            shrink=0.75,
+        )
+    ax.set_rlim(0, outer * 1e9)
+    ax.set_thetagrids(np.arange(0, 360, 30))
+    ax.set_rlabel_position(112)
+    ax.tick_params(axis="y", labelsize=8)
+    ax.set_xlabel("Angle: azimuth of arrival; radius: delay (ns)")
+    ax.grid(alpha=0.4)
+    return ax
+
+
+def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
+    """Draw omnidirectional power delay profiles, antenna removed.
+
+    Parameters
+    ----------
+    products : sequence of (name, dataset)
+        Name and group ``/daps``.
+    ax : matplotlib.axes.Axes
+    """
+    for name, daps in products:
+        ax.plot(daps["delay"].values * 1e9, daps["pdp"].values, linewidth=0.9, label=name)
+    ax.set(xlabel="Delay (ns)", ylabel="Path gain (dB)")
+    ax.set_xlim(0, max(shown_delay(daps) for _, daps in products) * 1e9)
+    ax.grid(alpha=0.3)
+    ax.legend()
+    return ax
+
+
+def _figure(ax: Axes) -> Figure:
+    figure = ax.get_figure(root=True)
+    if figure is None:
+        raise ValueError("the axes belong to no figure")
+    return figure
+
+
+def _half_step(values: NDArray[np.float64]) -> float:
+    return float(np.diff(values).min() / 2) if values.size > 1 else 180.0
+
+
+def _sectors(power: xr.DataArray) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[Any]]:
+    """Corners of the sectors around each azimuth and delay, and their values (azimuth, delay).
+
+    Sectors are cut into arcs of about a degree, since a polar mesh draws straight edges.
+    """
+    azimuth, delay = power["azimuth"].values, power["delay"].values
+    half = _half_step(azimuth)
+    parts = max(int(2 * half), 1)
+    starts = azimuth[:, None] - half + 2 * half * np.arange(parts) / parts
+    angle = np.radians(np.append(starts.ravel(), azimuth[-1] + half))
+    step = delay[1] - delay[0]
+    radius = np.append(delay - step / 2, delay[-1] + step / 2).clip(0)
+    return angle, radius, np.repeat(power.values, parts, axis=0)

@@ -1,0 +1,66 @@
+"""Figures of products as files."""
+
+from pathlib import Path
+
+import xarray as xr
+
+from erm.console import save_figure
+from erm.storage import open_group
+from sounder import figures
+
+
+def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
+    """Draw the DAPS (polar, and cartesian with the MPCs) and the PDP of one product.
+
+    Returns
+    -------
+    list of Path
+        Files written, named after the product.
+
+    Raises
+    ------
+    DataError
+        The file is not a product, or the folder cannot be written to.
+    """
+    from matplotlib.figure import Figure
+
+    name, daps = _daps(product)
+    mpc = open_group(product, "/mpc")
+    drawn: dict[str, Figure] = {}
+
+    drawn["daps_polar"] = Figure(figsize=(6.5, 5.0), layout="constrained")
+    figures.daps_polar([(name, daps)], drawn["daps_polar"].add_subplot(projection="polar"))
+    drawn["daps"] = Figure(figsize=(7.0, 4.0), layout="constrained")
+    figures.daps_cartesian(daps, drawn["daps"].add_subplot(title=name), mpc=mpc)
+    drawn["pdp"] = Figure(figsize=(7.0, 3.6), layout="constrained")
+    figures.pdp([(name, daps)], drawn["pdp"].add_subplot())
+    return [_save(figure, out / f"{product.stem}_{kind}.{suffix}") for kind, figure in drawn.items()]
+
+
+def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -> list[Path]:
+    """Draw the DAPS of two products into one polar diagram.
+
+    Returns
+    -------
+    list of Path
+        The file written.
+
+    Raises
+    ------
+    DataError
+        A file is not a product, or the folder cannot be written to.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    figures.daps_polar([_daps(first), _daps(second)], figure.add_subplot(projection="polar"))
+    return [_save(figure, out / f"{first.stem}_{second.stem}_daps_polar.{suffix}")]
+
+
+def _daps(product: Path) -> tuple[str, xr.Dataset]:
+    return str(open_group(product)["position"].values[0]), open_group(product, "/daps")
+
+
+def _save(figure: "figures.Figure", path: Path) -> Path:
+    save_figure(figure, path)
+    return path

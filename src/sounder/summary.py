@@ -1,0 +1,142 @@
+"""What a raw or product file holds, and whether it is healthy; as labelled lines."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erm.errors import DataError
+from erm.storage import open_group
+from sounder.config import Sounder
+from sounder.correlate import CLIPPED
+from sounder.kernels.rails import count_rails
+from sounder.readers import native, open_recordings
+from sounder.recording import BackToBack, Recording
+from sounder.waveform import identify
+
+Lines = list[tuple[str, str]]
+
+
+def describe_file(path: Path) -> Lines:
+    """Describe a native recording, a back-to-back file, or a product of ``sounder process``.
+
+    Returns
+    -------
+    list of (label, text)
+
+    Raises
+    ------
+    DataError
+        The file is missing or none of these.
+    """
+    with native.opened(path) as file:
+        kind = native.kind_of(path)
+        product = "mpc" in file and "daps" in file
+    if kind == native.BACK_TO_BACK:
+        return describe_back_to_back(native.back_to_back(path))
+    if product:
+        return _product(path)
+    return [line for recording in open_recordings(path) for line in describe_recording(recording)]
+
+
+def describe_recording(recording: Recording) -> Lines:
+    """Describe a recording; reads all its samples."""
+    levels, rails, zeros = [], [], 0
+    for a, e in np.argwhere(recording.valid):
+        captures = recording.captures(int(a), int(e))
+        power = np.mean(np.abs(captures.astype(np.complex64 if captures.dtype.kind == "c" else np.float32)) ** 2)
+        if power == 0:
+            zeros += 1
+            continue
+        levels.append(10 * np.log10(power * (1 if captures.dtype.kind == "c" else 2)))
+        if captures.dtype == np.int16:
+            rails.append(count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1)) / captures.size)
+    clipped = sum(fraction > CLIPPED for fraction in rails)
+    scale = 20 * np.log10(recording.scale_factor)
+    health = [
+        f"{len(recording.missing)} directions missing" if recording.missing else "no direction missing",
+        f"{zeros} all zero" if zeros else "none zero",
+        f"{clipped} clipped" if clipped else "none clipped",
+    ]
+    return [
+        ("kind", "raw recording"),
+        ("position", recording.name),
+        ("line of sight", {1: "yes", 0: "no"}.get(recording.los, "not known")),
+        *_sounder(recording.sounder),
+        ("directions", f"{recording.azimuth.size} azimuths x {recording.elevation.size} elevations"),
+        ("snapshots", f"{recording.snapshots} a direction"),
+        ("TX position", _metres(recording.tx_position)),
+        ("RX position", _metres(recording.rx_position)),
+        (
+            "received power",
+            f"{min(levels) + scale:.1f} to {max(levels) + scale:.1f} dBm over the directions" if levels else "none",
+        ),
+        ("health", ", ".join(health)),
+    ]
+
+
+def describe_back_to_back(b2b: BackToBack) -> Lines:
+    """Describe a back-to-back recording, with the sequence found in it."""
+    captures = b2b.captures
+    mean = (captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]).mean(axis=0)
+    try:
+        found = identify(mean.astype(complex))
+        sequence = (
+            f"order {found.order}, polynomial {list(found.polynomial)} {found.direction}, {found.polarity}, "
+            f"{found.samples_per_chip} samples a chip; {found.margin:.1f} dB over the next"
+        )
+    except DataError as error:
+        sequence = str(error)
+    measured = "measured S21" if b2b.s21 is not None else "nominal"
+    return [
+        ("kind", "back-to-back recording"),
+        *_sounder(b2b.sounder),
+        ("snapshots", str(len(captures))),
+        ("attenuation", f"{b2b.attenuation:g} dB ({measured})"),
+        ("sequence found", sequence),
+    ]
+
+
+def _product(path: Path) -> Lines:
+    root, daps, mpc = (open_group(path, group) for group in ("/", "/daps", "/mpc"))
+    strongest: Any = mpc.isel(mpc=0) if mpc.sizes["mpc"] else None
+    return [
+        ("kind", "product of sounder process"),
+        ("position", str(root["position"].values[0])),
+        ("line of sight", {1: "yes", 0: "no"}.get(int(root.attrs["los"]), "not known")),
+        ("frequency", f"{root.attrs['frequency'] / 1e9:g} GHz"),
+        ("TX position", _metres(root["tx_position"].values[0])),
+        ("RX position", _metres(root["rx_position"].values[0])),
+        ("directions", f"{daps.sizes['azimuth']} azimuths x {daps.sizes['elevation']} elevations"),
+        ("noise floor", f"{float(daps['noise_floor'].median()):.1f} dB (median over directions)"),
+        ("MPCs", str(mpc.sizes["mpc"])),
+        (
+            "strongest",
+            "none"
+            if strongest is None
+            else f"{float(strongest['delay']) * 1e9:.2f} ns, azimuth {float(strongest['azimuth']):.1f} degree, "
+            f"path gain {float(strongest['path_gain']):.1f} dB",
+        ),
+        (
+            "health",
+            f"{root.attrs['missing_directions']} directions missing, "
+            f"{root.attrs['problem_directions']} with zero or clipped samples",
+        ),
+        ("made by", f"{root.attrs['source']}, {root.attrs['processing_options']}"),
+    ]
+
+
+def _sounder(sounder: Sounder) -> Lines:
+    waveform = sounder.waveform
+    return [
+        ("sounder", f"{sounder.name}, {sounder.carrier.frequency / 1e9:g} GHz"),
+        (
+            "waveform",
+            f"order {waveform.order}, {waveform.samples} samples at {waveform.sample_rate / 1e9:g} GS/s, "
+            f"{waveform.period * 1e9:.2f} ns",
+        ),
+    ]
+
+
+def _metres(position: np.ndarray) -> str:
+    return ", ".join(f"{value:.2f}" for value in position) + " m"
