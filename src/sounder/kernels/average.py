@@ -1,12 +1,13 @@
 """Correlation of captures with an m-sequence, and its averages over snapshots."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from erm.errors import DataError
-from sounder.kernels import finish, portable
+from sounder.kernels import finish, portable, simd, vector
 from sounder.kernels.mls import permutations
 from sounder.kernels.tables import TAIL, State
 
@@ -43,8 +44,10 @@ class MSequenceCorrelator:
                 "at 1 to 4; correlate with a template instead"
             )
         self.samples = found.input.size * samples_per_chip
-        self._path = portable
-        self._tables = self._path.tables(found, samples_per_chip)
+        layout = vector if simd.available() and found.order in vector.ORDERS else portable
+        self._tables = layout.tables(found, samples_per_chip)
+        self._path = layout.path(samples_per_chip)
+        self._new_state = partial(layout.state, self._tables)
 
     def average(self, iq: Captures) -> Averages:
         """Average one direction: mean correlation, complex64 (sample,), and mean power, float64 (sample,)."""
@@ -57,16 +60,14 @@ class MSequenceCorrelator:
         """Average captures (direction, snapshot, ...) into the two given arrays (direction, sample)."""
         x = flat_captures(iq, self.samples, dims=3)
         if not x.shape[1]:
-            raise DataError(
-                "captures: 0 snapshots in a direction, expected one or more; leave the direction out"
-            )
-        self._run(x, 0, self._path.state(self._tables), correlation, power)
+            raise DataError("captures: 0 snapshots in a direction, expected one or more; leave the direction out")
+        self._run(x, 0, self._new_state(), correlation, power)
 
     def correlate(self, iq: Captures) -> npt.NDArray[np.complex64]:
         """Correlate every capture by itself: complex64 (snapshot, sample)."""
         x = flat_captures(iq, self.samples, dims=2)
         out = np.empty((len(x), self.samples), np.complex64)
-        state = self._path.state(self._tables)
+        state = self._new_state()
         for first in range(0, len(x), BLOCK):
             block = x[first : first + BLOCK].astype(np.float32, copy=False)
             block.flags.writeable = False
@@ -101,7 +102,7 @@ class MSequenceAccumulator:
     def __init__(self, correlator: MSequenceCorrelator) -> None:
         self.count = 0
         self._correlator = correlator
-        self._state = correlator._path.state(correlator._tables)
+        self._state = correlator._new_state()
 
     def add(self, iq: Captures) -> None:
         """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
@@ -114,9 +115,7 @@ class MSequenceAccumulator:
     def result(self) -> Averages:
         """Return mean correlation and mean power of all captures so far; more may follow."""
         if not self.count:
-            raise DataError(
-                "captures: none were added, expected one or more; check that the recording has snapshots"
-            )
+            raise DataError("captures: none were added, expected one or more; check that the recording has snapshots")
         samples = self._correlator.samples
         correlation, power = np.empty((1, samples), np.complex64), np.empty((1, samples))
         nothing = flat_captures(np.empty((1, 0, samples, 2), np.int16), samples, dims=3)

@@ -34,6 +34,14 @@ def flush(partial: Array, total: Array) -> None:
 
 
 @part
+def flush_permuted(partial: Array, order: Array, total: Array) -> None:
+    """Like `flush`, where position k of the partial sum belongs to ``order[k]``."""
+    for k in range(partial.size):
+        total[order[k]] += partial[k]
+        partial[k] = 0
+
+
+@part
 def mean_power(
     partial: Array, total: Array, count: int, spc: int, chip: int, stride: int, positions: Array, out: Array
 ) -> None:
@@ -50,7 +58,7 @@ def mean_power(
 @part
 def mean_capture(partial: Array, total: Array, count: int, out: Array) -> None:
     """Mean of the captures, in the precision of the transforms."""
-    for t in range(partial.size):
+    for t in range(min(partial.size, out.size)):
         out[t] = np.float32((total[t] + partial[t]) / count)
 
 

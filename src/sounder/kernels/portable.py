@@ -13,7 +13,7 @@ import numpy as np
 from sounder.kernels import finish, hadamard
 from sounder.kernels.compile import jit, part
 from sounder.kernels.mls import Permutations
-from sounder.kernels.tables import TAIL, State, Tables, new_state
+from sounder.kernels.tables import TAIL, Path, State, Tables, new_state
 
 ROW = 16
 
@@ -24,13 +24,15 @@ def tables(permutations: Permutations, samples_per_chip: int) -> Tables:
     """Lay out rows in natural order."""
     rows, delays = permutations.input, permutations.output
     chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
-    return Tables(samples_per_chip, chip, ROW, rows, delays, rows, delays, float(permutations.polarity))
+    none = np.empty(0, np.int64)
+    return Tables(samples_per_chip, chip, ROW, rows, delays, rows, delays, float(permutations.polarity), none)
 
 
 def state(tables: Tables) -> State:
     """Allocate a thread's work space and sums."""
     chips = tables.rows.size
-    return new_state(tables, (2 * chips * tables.samples_per_chip + TAIL, np.float32), ROW * (chips + 1))
+    numbers = 2 * chips * tables.samples_per_chip
+    return new_state(0, numbers + TAIL, numbers, ROW * (chips + 1), numbers)
 
 
 @part
@@ -55,9 +57,7 @@ def add_power(z: Array, power: Array) -> None:
 @part
 def _means(count: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
     spc, positions = tables.samples_per_chip, tables.positions
-    finish.mean_power(
-        state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power
-    )
+    finish.mean_power(state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power)
     finish.mean_capture(state.samples, state.samples_total, count, state.capture)
     place(state.capture, state.sums, 0, tables, state.z)
     hadamard.walsh_hadamard(state.z, ROW)
@@ -134,3 +134,8 @@ def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> Non
         hadamard.walsh_hadamard(state.z, ROW)
         z = state.z.view(np.complex64)
         hadamard.unpermute(z, ROW // 2, tables.positions, spc, tables.polarity, out[i])
+
+
+def path(_samples_per_chip: int) -> Path:
+    """Give the entry points, the same for any number of samples a chip."""
+    return Path(run_int16, run_float32, correlate_float32)

@@ -1,5 +1,6 @@
 """What a compiled correlator is given: its constant tables, and the sums it works on."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,12 +27,22 @@ class Tables(NamedTuple):
     rows: Array  # (chips,), Permutations.input
     delays: Array  # (chips,), Permutations.output
     polarity: float
+    number_order: Array  # number of a capture that is summed at each position of State.samples, where permuted
+
+
+class Path(NamedTuple):
+    """Entry points."""
+
+    run_int16: Callable[..., None]
+    run_float32: Callable[..., None]
+    correlate_float32: Callable[..., None]
 
 
 class State(NamedTuple):
     """Work space and running sums of one thread."""
 
-    capture: Array  # as the path wants it, its beginning repeated behind its end
+    staged: Array  # int16, two captures, wrapped
+    capture: Array  # float32, one capture, wrapped
     sums: Array  # float32, sums over the samples of a chip
     z: Array  # float32, the transform
     power: Array  # float32, sum of squares of z since the last flush
@@ -40,17 +51,17 @@ class State(NamedTuple):
     samples_total: Array  # float64
 
 
-def new_state(tables: Tables, capture: tuple[int, npt.DTypeLike], transform: int) -> State:
-    """Allocate a state of ``transform`` numbers a transform, all sums zero."""
-    numbers = 2 * tables.samples_per_chip * tables.rows.size
+def new_state(staged: int, capture: int, sums: int, transform: int, samples: int) -> State:
+    """Allocate a state of these sizes, all sums zero."""
     return State(
-        zeros(*capture),
-        zeros(numbers, np.float32),
+        zeros(staged, np.int16),
+        zeros(capture, np.float32),
+        zeros(sums, np.float32),
         zeros(transform, np.float32),
         zeros(transform, np.float32),
         zeros(transform, np.float64),
-        zeros(numbers, np.int32),
-        zeros(numbers, np.float64),
+        zeros(samples, np.int32),
+        zeros(samples, np.float64),
     )
 
 

@@ -1,0 +1,280 @@
+"""Vector instructions, as functions for compiled code; the only file that writes LLVM.
+
+All work on vectors of 16 numbers, 64 bytes, an AVX-512 register, and take addresses. A ``row`` is such a
+vector; what the rows mean is `vector`'s affair. `available` tells whether this processor has what they need.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+import numpy.typing as npt
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+LINE = 64
+LANES = 16
+I8, I16, I32, I64 = ir.IntType(8), ir.IntType(16), ir.IntType(32), ir.IntType(64)
+F32 = ir.FloatType()
+FLOATS = ir.VectorType(F32, LANES)
+SHORTS = ir.VectorType(I16, 2 * LANES)
+FUSED = ("contract",)
+NEEDED = ("avx512f", "avx512bw", "avx512dq", "avx512vl")
+
+Builder = Any
+Value = Any
+
+
+def available() -> bool:
+    """Tell whether the processor has AVX-512 and ``SOUNDER_PORTABLE_KERNELS`` does not forbid to use it."""
+    if os.environ.get("SOUNDER_PORTABLE_KERNELS", "0") not in ("", "0"):
+        return False
+    features = llvm.get_host_cpu_features()
+    return all(features.get(name, False) for name in NEEDED)
+
+
+def _int(value: int) -> Value:
+    return ir.Constant(I64, value)
+
+
+def _load(b: Builder, address: Value, offset: int, kind: Any, align: int) -> Value:
+    pointer = b.inttoptr(b.add(address, _int(offset)), kind.as_pointer())
+    loaded = b.load(pointer)
+    loaded.align = align
+    return loaded
+
+
+def _store(b: Builder, value: Value, address: Value, offset: int, align: int = LINE) -> None:
+    stored = b.store(value, b.inttoptr(b.add(address, _int(offset)), value.type.as_pointer()))
+    stored.align = align
+
+
+def _shuffle(b: Builder, x: Value, y: Value, lanes: Sequence[int]) -> Value:
+    mask = ir.Constant(ir.VectorType(I32, len(lanes)), [ir.Constant(I32, lane) for lane in lanes])
+    return b.shuffle_vector(x, y, mask)
+
+
+def _join(b: Builder, parts: Sequence[Value]) -> Value:
+    """Put vectors behind one another."""
+    while len(parts) > 1:
+        width = range(2 * parts[0].type.count)
+        parts = [_shuffle(b, x, y, width) for x, y in zip(parts[::2], parts[1::2], strict=True)]
+    return parts[0]
+
+
+def _add(b: Builder, x: Value, y: Value) -> Value:
+    return b.fadd(x, y, flags=FUSED)
+
+
+def _subtract(b: Builder, x: Value, y: Value) -> Value:
+    return b.fsub(x, y, flags=FUSED)
+
+
+def _walsh_hadamard(b: Builder, rows: Sequence[Value]) -> list[Value]:
+    """Transform over a list of rows, in registers, natural order."""
+    a = list(rows)
+    half = 1
+    while half < len(a):
+        for start in range(0, len(a), 2 * half):
+            for k in range(start, start + half):
+                a[k], a[k + half] = _add(b, a[k], a[k + half]), _subtract(b, a[k], a[k + half])
+        half *= 2
+    return a
+
+
+def _transpose(b: Builder, rows: list[Value], chip: int) -> list[Value]:
+    """Transpose a square of chips, ``chip`` numbers each: chip i of row k goes to chip k of row i."""
+    size = len(rows)
+    step = 1
+    while step < size:
+        low = [lane if not lane & step else size + (lane ^ step) for lane in range(size)]
+        high = [lane | step if not lane & step else size + lane for lane in range(size)]
+        for k in range(size):
+            if not k & step:
+                x, y = rows[k], rows[k | step]
+                rows[k] = _shuffle(b, x, y, [chip * lane + i for lane in low for i in range(chip)])
+                rows[k | step] = _shuffle(b, x, y, [chip * lane + i for lane in high for i in range(chip)])
+        step *= 2
+    return rows
+
+
+def _pair_sums(b: Builder, x: Value, y: Value) -> Value:
+    """Sum numbers 2k and 2k + 1 of 32 products x*y of int16, to 16 int32."""
+    result = ir.VectorType(I32, LANES)
+    kind = ir.FunctionType(result, [SHORTS, SHORTS])
+    return b.call(cgutils.get_or_insert_function(b.module, kind, "llvm.x86.avx512.pmaddw.d.512"), [x, y])
+
+
+ONES = ir.Constant(SHORTS, [ir.Constant(I16, 1)] * (2 * LANES))
+
+
+def _chip_row(b: Builder, chips: Sequence[Value]) -> Value:
+    """Sum the two samples of each of four chips: int16 (I, Q) x 4 samples from the chip on, to a row of 16 float32."""
+    order = [8 * k + i for k in range(4) for i in (0, 2, 1, 3, 2, 4, 3, 5)]
+    samples = _join(b, chips)
+    sums = _pair_sums(b, _shuffle(b, samples, samples, order), ONES)
+    return b.sitofp(sums, FLOATS)
+
+
+def _gathered(b: Builder, base: Value, offsets: Value, row: int, per_row: int, kind: Any, scale: int) -> list[Value]:
+    """Load the chips of a row, each from ``base`` plus ``scale`` times its offset (uint32)."""
+    chips = []
+    for lane in range(per_row):
+        offset = b.zext(_load(b, offsets, 4 * (per_row * row + lane), I32, 4), I64)
+        chips.append(_load(b, b.add(base, b.mul(offset, _int(scale))), 0, kind, 2))
+    return chips
+
+
+def _procedure(given: Sequence[Any], emit: Callable[..., None]) -> tuple[Any, Callable[..., Value]]:
+    """Make the pair that numba asks of an intrinsic; literal arguments are known to ``emit`` already."""
+    literal = [isinstance(kind, types.Literal) for kind in given]
+    signature = types.void(*[kind if fixed else types.intp for kind, fixed in zip(given, literal, strict=True)])
+
+    def generate(context: Any, builder: Builder, _signature: Any, values: Sequence[Value]) -> Value:
+        emit(builder, *[value for value, fixed in zip(values, literal, strict=True) if not fixed])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic(prefer_literal=True)
+def gather_samples(_context: Any, samples: Any, offsets: Any, z: Any, stride: Any) -> Any:
+    """Gather 64 chips of 2 samples each from int16 samples to 16 rows, summed over samples, and transform the
+    rows.
+
+    Offsets are in bytes, of the chips of row 0, then row 1...; rows are ``stride`` bytes apart.
+    """
+
+    def emit(b: Builder, samples: Value, offsets: Value, z: Value, stride: Value) -> None:
+        kind = ir.VectorType(I16, 8)
+        rows = [_chip_row(b, _gathered(b, samples, offsets, row, 4, kind, 1)) for row in range(16)]
+        for i, row in enumerate(_walsh_hadamard(b, rows)):
+            _store(b, row, b.add(z, b.mul(stride, _int(i))), 0)
+
+    return _procedure((samples, offsets, z, stride), emit)
+
+
+@intrinsic(prefer_literal=True)
+def gather_chips(_context: Any, chip: Any, radix: Any, sums: Any, offsets: Any, z: Any, stride: Any) -> Any:
+    """Gather chips of ``chip`` float32 to ``radix`` rows and transform the rows.
+
+    Offsets are in units of two bytes, so that they serve `gather_samples` as well.
+    """
+
+    def emit(b: Builder, sums: Value, offsets: Value, z: Value, stride: Value) -> None:
+        width = chip.literal_value
+        kind = ir.VectorType(F32, width)
+        rows = [
+            _join(b, _gathered(b, sums, offsets, row, LANES // width, kind, 2)) for row in range(radix.literal_value)
+        ]
+        for i, row in enumerate(_walsh_hadamard(b, rows)):
+            _store(b, row, b.add(z, b.mul(stride, _int(i))), 0)
+
+    return _procedure((chip, radix, sums, offsets, z, stride), emit)
+
+
+@intrinsic(prefer_literal=True)
+def transform_rows(_context: Any, radix: Any, z: Any, stride: Any) -> Any:
+    """Transform ``radix`` rows that are ``stride`` bytes apart, in place."""
+
+    def emit(b: Builder, z: Value, stride: Value) -> None:
+        places = [b.add(z, b.mul(stride, _int(i))) for i in range(radix.literal_value)]
+        rows = [_load(b, place, 0, FLOATS, LINE) for place in places]
+        for place, row in zip(places, _walsh_hadamard(b, rows), strict=True):
+            _store(b, row, place, 0)
+
+    return _procedure((radix, z, stride), emit)
+
+
+def _last_rows(b: Builder, z: Value, chip: int) -> list[Value]:
+    """Transform 8 neighbouring rows, and then over the chips within each row."""
+    rows = _walsh_hadamard(b, [_load(b, z, LINE * i, FLOATS, LINE) for i in range(8)])
+    size = LANES // chip
+    squares = [_transpose(b, rows[k : k + size], chip) for k in range(0, 8, size)]
+    return [row for square in squares for row in _walsh_hadamard(b, square)]
+
+
+@intrinsic(prefer_literal=True)
+def last_rows(_context: Any, chip: Any, z: Any) -> Any:
+    """Transform 8 neighbouring rows, and the chips within, in place; a result's chips belong to as many old rows."""
+
+    def emit(b: Builder, z: Value) -> None:
+        for i, row in enumerate(_last_rows(b, z, chip.literal_value)):
+            _store(b, row, z, LINE * i)
+
+    return _procedure((chip, z), emit)
+
+
+@intrinsic(prefer_literal=True)
+def last_rows_power(_context: Any, chip: Any, z: Any, power: Any) -> Any:
+    """Like `last_rows`, but add the squares of the results to ``power`` and do not keep them."""
+
+    def emit(b: Builder, z: Value, power: Value) -> None:
+        for i, row in enumerate(_last_rows(b, z, chip.literal_value)):
+            total = _load(b, power, LINE * i, FLOATS, LINE)
+            _store(b, _add(b, b.fmul(row, row, flags=FUSED), total), power, LINE * i)
+
+    return _procedure((chip, z, power), emit)
+
+
+def _add_two(b: Builder, x: Value, y: Value, sums: Value) -> None:
+    """Add 32 int16 of x and of y to 32 int32 sums, which are kept in the order of `sum_order`."""
+    for half in range(2):
+        lanes = [8 * lane + 4 * half + k for lane in range(4) for k in range(4)]
+        pairs = _shuffle(b, x, y, [i for lane in lanes for i in (lane, 2 * LANES + lane)])
+        total = _load(b, sums, LINE * half, ir.VectorType(I32, LANES), LINE)
+        _store(b, b.add(total, _pair_sums(b, pairs, ONES)), sums, LINE * half)
+
+
+def sum_order(position: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Tell which number is at a position of the sums that `copy_two` keeps: lanes of 128 bits are interleaved."""
+    block, half, lane, k = position // 32, position // 16 % 2, position // 4 % 4, position % 4
+    return 32 * block + 8 * lane + 4 * half + k
+
+
+@intrinsic
+def copy_two(_context: Any, x: Any, y: Any, to_x: Any, to_y: Any, sums: Any) -> Any:
+    """Copy 32 int16 of each of two captures, and add both to the sums."""
+
+    def emit(b: Builder, x: Value, y: Value, to_x: Value, to_y: Value, sums: Value) -> None:
+        from_x, from_y = _load(b, x, 0, SHORTS, 2), _load(b, y, 0, SHORTS, 2)
+        _store(b, from_x, to_x, 0)
+        _store(b, from_y, to_y, 0)
+        _add_two(b, from_x, from_y, sums)
+
+    return _procedure((x, y, to_x, to_y, sums), emit)
+
+
+@intrinsic
+def copy_two_ends(_context: Any, x: Any, y: Any, to_x: Any, to_y: Any, sums: Any) -> Any:
+    """Copy the last 28 int16 of each of two captures, four zeros behind them, and add both to the sums."""
+
+    def emit(b: Builder, x: Value, y: Value, to_x: Value, to_y: Value, sums: Value) -> None:
+        zeros = ir.Constant(SHORTS, [ir.Constant(I16, 0)] * (2 * LANES))
+        ends = []
+        for source, target in ((x, to_x), (y, to_y)):
+            # The load begins four numbers early rather than read beyond the recording.
+            early = _load(b, source, -8, SHORTS, 2)
+            end = _shuffle(b, early, zeros, [*range(4, 32), 32, 33, 34, 35])
+            _store(b, end, target, 0)
+            ends.append(end)
+        _add_two(b, ends[0], ends[1], sums)
+
+    return _procedure((x, y, to_x, to_y, sums), emit)
+
+
+@intrinsic
+def prefetch(_context: Any, address: Any) -> Any:
+    """Ask for a cache line that will be read soon; any address will do."""
+
+    def emit(b: Builder, address: Value) -> None:
+        kind = ir.FunctionType(ir.VoidType(), [I8.as_pointer(), I32, I32, I32])
+        function = cgutils.get_or_insert_function(b.module, kind, "llvm.prefetch.p0")
+        read, near, data = ir.Constant(I32, 0), ir.Constant(I32, 3), ir.Constant(I32, 1)
+        b.call(function, [b.inttoptr(address, I8.as_pointer()), read, near, data])
+
+    return _procedure((address,), emit)

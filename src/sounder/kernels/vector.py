@@ -1,0 +1,280 @@
+"""The path for processors with AVX-512: the transform of `hadamard` in registers.
+
+One capture at a time. A row, a register of 16 numbers, holds the chips of ``16 // chip`` Walsh indices ``v =
+row + rows * lane``, so that butterflies over the low bits of v are sums of rows, and those over the last bits
+sums of lanes. Three kinds of pass over the rows, of 8 or 16 each:
+
+1. gather the chips by the permutation, straight from the (int16) samples, and transform the highest row bits;
+2. transform middle bits, block by block, so that a block stays in the nearest cache (orders 10 and up);
+3. transform the lowest three bits and, after transposing chips between rows, the lanes; square and add.
+
+Captures of 2 samples a chip are copied two at a time to a place where their beginning is repeated behind
+their end, and summed on the way; while one is transformed, the one 16 KiB later is fetched.
+"""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from sounder.kernels import finish, hadamard, simd
+from sounder.kernels.compile import jit, part
+from sounder.kernels.mls import Permutations
+from sounder.kernels.tables import LINE, TAIL, Path, State, Tables, new_state
+
+AHEAD = 1 << 14  # bytes
+ORDERS = range(9, 16)
+LAST = 8  # rows of the last pass
+GAP = 4  # chips behind the last that may be gathered: what is wrapped, and zeros
+
+Array = Any
+
+
+def first_radix(chip: int) -> int:
+    """Rows of the first pass; the smallest order leaves no more."""
+    return 8 if chip == 2 else 16
+
+
+def tables(permutations: Permutations, samples_per_chip: int) -> Tables:
+    """Lay out rows as the passes want them."""
+    chips = permutations.input.size
+    chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
+    lanes = simd.LANES // chip
+    rows = (chips + 1) // lanes
+    radix = first_radix(chip)
+
+    chip_of = np.full(chips + 1, chips + GAP - 2)  # index 0: a chip of zeros
+    chip_of[permutations.input] = np.arange(chips)
+    j, i, lane = np.ogrid[: rows // radix, :radix, :lanes]
+    gather = 4 * samples_per_chip * chip_of[j + rows // radix * i + rows * lane]
+
+    block, k, i = np.ogrid[: rows // lanes, :lanes, :lanes]
+    position_of = np.empty(chips + 1, np.int64)
+    position_of[(lanes * block + i + rows * k).ravel()] = np.arange(chips + 1)
+    return Tables(
+        samples_per_chip,
+        chip,
+        chip,
+        gather.astype(np.uint32).ravel(),
+        position_of[permutations.output],
+        permutations.input,
+        permutations.output,
+        float(permutations.polarity),
+        simd.sum_order(np.arange(2 * samples_per_chip * (chips + 1))),
+    )
+
+
+def state(tables: Tables) -> State:
+    """Allocate a thread's work space and sums."""
+    spc, chips = tables.samples_per_chip, tables.rows.size
+    staged = 2 * _staged_size(chips) if spc == 2 else 0
+    capture = 2 * spc * chips + TAIL
+    return new_state(staged, capture, 2 * spc * (chips + GAP), tables.chip * (chips + 1), 2 * spc * (chips + 1))
+
+
+def _staged_size(chips: int) -> int:
+    """Numbers from one staged capture to the next: a multiple of a cache line, not of a page."""
+    return 4 * (chips + 1) + 64
+
+
+@part
+def middle_passes(z: int, rows: int) -> None:
+    """Transform a block of rows down to groups of `LAST` neighbours."""
+    stride = rows
+    while stride > LAST:
+        left = stride // LAST
+        radix = left if left < 8 else (16 if left in (16, 128) else 8)
+        stride //= radix
+        for start in range(0, rows, stride * radix):
+            for row in range(start, start + stride):
+                if radix == 16:
+                    simd.transform_rows(16, z + LINE * row, LINE * stride)
+                elif radix == 8:
+                    simd.transform_rows(8, z + LINE * row, LINE * stride)
+                elif radix == 4:
+                    simd.transform_rows(4, z + LINE * row, LINE * stride)
+                else:
+                    simd.transform_rows(2, z + LINE * row, LINE * stride)
+
+
+@part
+def transform_sums(chip: int, radix: int, tables: Tables, state: State) -> None:
+    """Sum the capture over chips and do the first pass."""
+    numbers = 2 * tables.samples_per_chip * tables.rows.size
+    for t in range(TAIL):
+        state.capture[numbers + t] = state.capture[t]
+    hadamard.chip_sums(state.capture, tables.samples_per_chip, state.sums[:numbers])
+    rows = state.z.size // simd.LANES // radix
+    gather, sums, z = tables.gather.ctypes.data, state.sums.ctypes.data, state.z.ctypes.data
+    for row in range(rows):
+        simd.gather_chips(chip, radix, sums, gather + 64 // chip * radix * row, z + LINE * row, LINE * rows)
+
+
+@part
+def finish_transform(chip: int, radix: int, z: Array) -> None:
+    """Do the passes after the first, in place."""
+    rows = z.size // simd.LANES // radix
+    for block in range(radix):
+        address = z.ctypes.data + LINE * rows * block
+        middle_passes(address, rows)
+        for row in range(0, rows, LAST):
+            simd.last_rows(chip, address + LINE * row)
+
+
+@part
+def finish_power(chip: int, radix: int, z: Array, power: Array) -> None:
+    """Do the passes after the first and add the squares of the result to the power."""
+    rows = z.size // simd.LANES // radix
+    for block in range(radix):
+        first = LINE * rows * block
+        middle_passes(z.ctypes.data + first, rows)
+        for row in range(0, rows, LAST):
+            offset = first + LINE * row
+            simd.last_rows_power(chip, z.ctypes.data + offset, power.ctypes.data + offset)
+
+
+@part
+def means(chip: int, radix: int, count: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+    """Write the averages."""
+    spc, positions = tables.samples_per_chip, tables.positions
+    finish.mean_power(state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power)
+    finish.mean_capture(state.samples, state.samples_total, count, state.capture)
+    transform_sums(chip, radix, tables, state)
+    finish_transform(chip, radix, state.z)
+    hadamard.unpermute(state.z.view(np.complex64), chip // 2, positions, spc, tables.polarity, correlation)
+
+
+@part
+def stage_two(x: int, numbers: int, staged: Array, samples: Array) -> None:
+    """Copy the two captures at address x, wrapped, and add them to the sums."""
+    size = 2 * numbers
+    target, next_target = staged.ctypes.data, staged.ctypes.data + staged.size
+    sums = samples.ctypes.data
+    for place in range(0, size - LINE, LINE):
+        simd.copy_two(x + place, x + size + place, target + place, next_target + place, sums + 2 * place)
+    place = size - 56
+    simd.copy_two_ends(x + place, x + size + place, target + place, next_target + place, sums + 2 * place)
+    wrap_two(numbers, staged)
+
+
+@part
+def wrap_two(numbers: int, staged: Array) -> None:
+    """Repeat the beginning of the staged captures behind their ends."""
+    half = staged.size // 2
+    for t in range(4):
+        staged[numbers + t] = staged[t]
+        staged[half + numbers + t] = staged[half + t]
+
+
+@part
+def stage_one(x: Array, staged: Array, samples_total: Array) -> None:
+    """Copy one capture, wrapped, and add it to the sums."""
+    for t in range(x.size):
+        staged[t] = x[t]
+        samples_total[t] += x[t]
+    wrap_two(x.size, staged)
+
+
+@part
+def add_staged(ahead: int, staged: int, tables: Tables, z: Array, power: Array) -> None:
+    """Transform one staged capture, add its power, and fetch the capture at address ``ahead``."""
+    rows = z.size // simd.LANES // 16
+    gather = tables.gather.ctypes.data
+    for row in range(rows):
+        simd.gather_samples(staged, gather + 256 * row, z.ctypes.data + LINE * row, LINE * rows)
+        for _ in range(4):
+            simd.prefetch(ahead)
+            ahead += LINE
+    for block in range(16):
+        first = LINE * rows * block
+        middle_passes(z.ctypes.data + first, rows)
+        for row in range(0, rows, LAST):
+            offset = first + LINE * row
+            simd.last_rows_power(4, z.ctypes.data + offset, power.ctypes.data + offset)
+            for _ in range(2):
+                simd.prefetch(ahead)
+                ahead += LINE
+
+
+@jit
+def run_pairs(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+    """Like `portable.run_int16`, of captures with 2 samples a chip."""
+    numbers = x.shape[2]
+    half = state.staged.size  # bytes
+    for d in range(x.shape[0]):
+        if seen == 0:
+            finish.clear(state.power, state.power_total)
+            finish.clear(state.samples, state.samples_total)
+        for i in range(0, x.shape[1], 2):
+            together = min(2, x.shape[1] - i)
+            address = x.ctypes.data + 2 * numbers * (d * x.shape[1] + i)
+            if together == 2:
+                stage_two(address, numbers, state.staged, state.samples)
+            else:
+                stage_one(x[d, i], state.staged, state.samples_total)
+            for c in range(together):
+                ahead = address + 2 * numbers * c + AHEAD
+                add_staged(ahead, state.staged.ctypes.data + half * c, tables, state.z, state.power)
+                if (seen + i + c + 1) % finish.FLUSH_POWER == 0:
+                    finish.flush(state.power, state.power_total)
+            if (i + 2) % finish.FLUSH_SAMPLES == 0:
+                finish.flush_permuted(state.samples, tables.number_order, state.samples_total)
+        finish.flush_permuted(state.samples, tables.number_order, state.samples_total)
+        if d < correlation.shape[0]:
+            means(4, 16, seen + x.shape[1], tables, state, correlation[d], power[d])
+
+
+@cache
+def path(samples_per_chip: int) -> Path:
+    """Make the entry points for a number of samples a chip."""
+    chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
+    radix = first_radix(chip)
+
+    def run_int16(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+        for d in range(x.shape[0]):
+            if seen == 0:
+                finish.clear(state.power, state.power_total)
+                finish.clear(state.samples, state.samples_total)
+            for i in range(x.shape[1]):
+                for t in range(x.shape[2]):
+                    state.capture[t] = np.float32(x[d, i, t])
+                    state.samples[t] = np.int32(state.samples[t] + np.int32(x[d, i, t]))
+                transform_sums(chip, radix, tables, state)
+                finish_power(chip, radix, state.z, state.power)
+                if (seen + i + 1) % finish.FLUSH_POWER == 0:
+                    finish.flush(state.power, state.power_total)
+                if (seen + i + 1) % finish.FLUSH_SAMPLES == 0:
+                    finish.flush(state.samples, state.samples_total)
+            if d < correlation.shape[0]:
+                means(chip, radix, seen + x.shape[1], tables, state, correlation[d], power[d])
+
+    def run_float32(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+        for d in range(x.shape[0]):
+            if seen == 0:
+                finish.clear(state.power, state.power_total)
+                finish.clear(state.samples, state.samples_total)
+            for i in range(x.shape[1]):
+                for t in range(x.shape[2]):
+                    state.capture[t] = x[d, i, t]
+                    state.samples_total[t] += x[d, i, t]
+                transform_sums(chip, radix, tables, state)
+                finish_power(chip, radix, state.z, state.power)
+                if (seen + i + 1) % finish.FLUSH_POWER == 0:
+                    finish.flush(state.power, state.power_total)
+            if d < correlation.shape[0]:
+                means(chip, radix, seen + x.shape[1], tables, state, correlation[d], power[d])
+
+    def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> None:
+        spc, positions = tables.samples_per_chip, tables.positions
+        for i in range(x.shape[0]):
+            for t in range(x.shape[1]):
+                state.capture[t] = x[i, t]
+            transform_sums(chip, radix, tables, state)
+            finish_transform(chip, radix, state.z)
+            z = state.z.view(np.complex64)
+            hadamard.unpermute(z, chip // 2, positions, spc, tables.polarity, out[i])
+
+    # Kernels of different widths must not share a cache file (see `compile`).
+    for kernel in (run_int16, run_float32, correlate_float32):
+        kernel.__qualname__ = f"{kernel.__name__}_{chip}"
+    return Path(run_pairs if samples_per_chip == 2 else jit(run_int16), jit(run_float32), jit(correlate_float32))
