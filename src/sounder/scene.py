@@ -1,0 +1,188 @@
+"""A scene to be simulated: what stands where, which links are measured with which sounder; read from TOML."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from erm.errors import DataError
+from sounder import shipped
+from sounder.config import Sounder, describe, load, read_toml
+from sounder.instrument import Faults
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Place = tuple[Number, Number, Number]
+Point = tuple[Number, Number]
+
+
+class _Table(BaseModel):
+    """A TOML table: unknown keys are errors, values cannot change."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Wall(_Table):
+    """Vertical walls along a line of points [m], from ``base`` to ``top``; ``closed`` joins the last to the first."""
+
+    points: Annotated[tuple[Point, ...], Field(min_length=2)]
+    closed: bool = False
+    base: float = 0.0
+    top: float = float("inf")
+    material: str = "concrete"
+
+    @property
+    def segments(self) -> list[tuple[Point, Point]]:
+        """End points of each straight piece."""
+        points = (*self.points, self.points[0]) if self.closed else self.points
+        return list(pairwise(points))
+
+
+class Pole(_Table):
+    """Vertical cylinder."""
+
+    position: Point
+    radius: Annotated[float, Field(gt=0)]
+    base: float = 0.0
+    top: float = float("inf")
+    material: str = "metal"
+
+
+class Slab(_Table):
+    """Infinite horizontal plane."""
+
+    height: Number
+    material: str
+
+
+class Surroundings(_Table):
+    """What stands around: a file that ``erm.environment`` reads, or walls, poles, ground and ceiling drawn here.
+
+    A file is in the frame east/north whatever the scene's is. ``materials`` holds properties by name, beyond those
+    that are known already; see ``erm.materials.Material``.
+    """
+
+    file: Path | None = None
+    walls: tuple[Wall, ...] = ()
+    poles: tuple[Pole, ...] = ()
+    ground: Slab | None = None
+    ceiling: Slab | None = None
+    materials: dict[str, dict[str, Any]] = {}
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        drawn = {name for name in ("walls", "poles", "ground", "ceiling", "materials") if getattr(self, name)}
+        if self.file and drawn:
+            raise ValueError(f"file and {', '.join(sorted(drawn))} are both given; draw here or name a file")
+        return self
+
+
+class Receiver(_Table):
+    """A position: where the receiver stood, which transmitter it heard, and whether it should see it."""
+
+    name: Annotated[str, Field(pattern=r"^[\w+-][\w.+-]*$")]
+    tx: str
+    position: Place
+    los: bool | None = None
+
+
+class Scene(_Table):
+    """A measurement campaign to be simulated.
+
+    Attributes
+    ----------
+    name : str
+    frame : {"east-north", "east-south"}
+        Of the positions in the file; :func:`load_scene` turns them to east/north/up.
+    sounder : Sounder
+        In the file: the name of a description; the shipped 132 GHz sounder if absent.
+    attenuator : Path, float or None
+        Of the back-to-back recording: touchstone file, loss [dB], or the shipped attenuator.
+    snapshots : int
+        Captures a direction.
+    seed : int
+        Of noise and drifts.
+    max_order : int
+        Largest number of bounces traced.
+    faults : Faults
+        Of the instrument.
+    transmitters : dict of str to tuple
+        Positions by name [m].
+    receivers : tuple of Receiver
+    environment : Surroundings
+    """
+
+    name: str
+    frame: Literal["east-north", "east-south"] = "east-north"
+    sounder: Sounder
+    attenuator: Annotated[float, Field(ge=0)] | Path | None = None
+    snapshots: Annotated[int, Field(ge=1)] = 8
+    seed: Annotated[int, Field(ge=0)] = 0
+    max_order: Annotated[int, Field(ge=0, le=4)] = 2
+    faults: Faults = Faults()
+    transmitters: dict[str, Place]
+    receivers: Annotated[tuple[Receiver, ...], Field(min_length=1)]
+    environment: Surroundings
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        names = [receiver.name for receiver in self.receivers]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"receivers: {twice[0]} is there twice; give every position its own name")
+        for receiver in self.receivers:
+            if receiver.tx not in self.transmitters:
+                known = ", ".join(self.transmitters)
+                raise ValueError(f"receivers: {receiver.name} names the transmitter {receiver.tx}; known are {known}")
+            if receiver.position == self.transmitters[receiver.tx]:
+                raise ValueError(f"receivers: {receiver.name} stands where {receiver.tx} stands")
+        return self
+
+    def northward(self) -> "Scene":
+        """The same scene in east/north/up: south turned to north where the frame has it the other way."""
+        if self.frame == "east-north":
+            return self
+        east, drawn = {"frame": "east-north"}, self.environment
+        walls = tuple(
+            wall.model_copy(update={"points": tuple((x, -y) for x, y in wall.points)}) for wall in drawn.walls
+        )
+        poles = tuple(
+            pole.model_copy(update={"position": (pole.position[0], -pole.position[1])}) for pole in drawn.poles
+        )
+        receivers = tuple(
+            receiver.model_copy(update={"position": _turned(receiver.position)}) for receiver in self.receivers
+        )
+        transmitters = {name: _turned(place) for name, place in self.transmitters.items()}
+        surroundings = drawn.model_copy(update={"walls": walls, "poles": poles})
+        moved = {"transmitters": transmitters, "receivers": receivers, "environment": surroundings}
+        return self.model_copy(update=east | moved)
+
+
+def _turned(place: Place) -> Place:
+    return place[0], -place[1], place[2]
+
+
+def load_scene(path: Path | str) -> Scene:
+    """Read a scene; its positions come back in east/north/up metres.
+
+    Files it names are looked for beside it.
+
+    Raises
+    ------
+    DataError
+        A file is missing or malformed; the message names the key.
+    """
+    path = Path(path)
+    tables = read_toml(path)
+    named = tables.get("sounder")
+    if named is not None and not isinstance(named, str):
+        raise DataError(f"{path}: sounder is {named!r}; expected the name of a description, a TOML file")
+    tables["sounder"] = load(path.parent / named if named else shipped.calibration("sounder-132ghz.toml"))
+    if isinstance(tables.get("attenuator"), str):
+        tables["attenuator"] = path.parent / tables["attenuator"]
+    environment = tables.get("environment")
+    if isinstance(environment, dict) and isinstance(environment.get("file"), str):
+        environment["file"] = path.parent / environment["file"]
+    try:
+        return Scene.model_validate(tables).northward()
+    except ValidationError as error:
+        raise DataError(f"{path}: {describe(error)}") from None
