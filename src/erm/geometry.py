@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+ROUNDING = 1e-9  # of the squared length; less excess than that is arithmetic, 50 nm on 100 m
 
 
 def horizontal_length(
@@ -38,13 +39,14 @@ def horizontal_length(
     Returns
     -------
     array (...)
-        ``sqrt(L**2 - (z_tx - z_rx)**2)`` [m]; NaN unless it is longer than the horizontal distance TX-RX.
+        ``sqrt(L**2 - (z_tx - z_rx)**2)`` [m]; NaN unless it is longer than the horizontal distance TX-RX by
+        more than rounding.
     """
     tx, rx, length = (np.asarray(value, dtype=float) for value in (tx, rx, path_length))
     climb = 0.0 if planar or tx.shape[-1] == 2 else tx[..., 2] - rx[..., 2]
     squared = length**2 - climb**2
-    distance = np.linalg.norm(rx[..., :2] - tx[..., :2], axis=-1)
-    return np.sqrt(np.where((length > 0) & (squared > distance**2), squared, np.nan))
+    direct = np.sum((rx[..., :2] - tx[..., :2]) ** 2, axis=-1)
+    return np.sqrt(np.where((length > 0) & (squared > direct * (1 + ROUNDING)), squared, np.nan))
 
 
 def unit(azimuth: npt.ArrayLike) -> FloatArray:

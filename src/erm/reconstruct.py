@@ -1,6 +1,7 @@
 """From selected components to a map: walls merged, phantoms of double bounces struck out, extents found."""
 
 from collections.abc import Sequence
+from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ from erm.environment import Environment, Slab, make_reflectors
 from erm.geometry import unit
 from erm.merge import merge
 from erm.mpc_table import path_length
-from erm.phantom import bounced_twice, obstructs
+from erm.phantom import bounced_twice, obstructs, share_hidden_wall
 from erm.select import ACCEPTED
 from erm.wall import MARGIN, IntArray, Legs, Paths, Wall
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 EXTRA_LOSS = 1.0  # dB; a double bounce loses at least this much more than either of its walls alone
+
+LOSS_OF_ORDER = 3.0  # dB; the two orders of one double bounce meet the same walls at other angles
 
 
 def reconstruct(
@@ -61,9 +64,12 @@ def reconstruct(
             reason[rows[wall.members]] = "bounced twice, off other walls or the ground"
         else:
             walls.append(wall)
+    phantoms = _of_hidden_walls(walls)
+    for wall in phantoms:
+        reason[rows[wall.members]] = "bounced twice, off another wall and one nobody saw alone"
     kept: list[Wall] = []
     sight = _lines_of_sight(table)
-    for wall in sorted(walls, key=lambda wall: -wall.support):
+    for wall in sorted((wall for wall in walls if wall not in phantoms), key=lambda wall: -wall.support):
         twin = next((i for i, other in enumerate(kept) if other.is_twin(wall, max_gap)), None)
         if twin is not None:
             reason[rows[wall.members]] = "second image of a wall"
@@ -75,11 +81,24 @@ def reconstruct(
     return _map(kept, table, rows, reason, max_gap, sight)
 
 
+def _of_hidden_walls(walls: Sequence[Wall]) -> list[Wall]:
+    """Pairs of walls that are one double bounce in its two orders, off a better supported wall and a hidden one.
+
+    Both orders lose about the same, and more than the known wall alone.
+    """
+    phantoms: list[Wall] = []
+    for known, wall, other in permutations(walls, 3):
+        weaker = known.support > max(wall.support, other.support)
+        lossier = known.loss + EXTRA_LOSS < min(wall.loss, other.loss)
+        alike = abs(wall.loss - other.loss) < LOSS_OF_ORDER
+        if weaker and lossier and alike and share_hidden_wall(wall, other, known):
+            phantoms += [found for found in (wall, other) if found not in phantoms]
+    return phantoms
+
+
 def _lines_of_sight(table: "xr.Dataset") -> Legs:
     """Direct paths known to be clear."""
-    clear = (table["los"].values == 1) | (
-        (table["reason"].values == "direct path") & (table["los"].values != 0)
-    )
+    clear = (table["los"].values == 1) | ((table["reason"].values == "direct path") & (table["los"].values != 0))
     _, first = np.unique(table["link"].values[clear], return_index=True)
     return Legs(table["tx_position"].values[clear][first], table["rx_position"].values[clear][first])
 
@@ -112,9 +131,7 @@ def _map(
     free = sight
     index = np.full(table.sizes["mpc"], -1)
     wall_point = np.full((table.sizes["mpc"], 3), np.nan)
-    columns: dict[str, list] = {
-        name: [] for name in ("end_points", "top", "normal", "offset", "covariance", "support")
-    }
+    columns: dict[str, list] = {name: [] for name in ("end_points", "top", "normal", "offset", "covariance", "support")}
     for wall in walls:
         line = wall.line.about(np.zeros(2))
         points = wall.points

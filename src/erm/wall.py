@@ -120,15 +120,11 @@ def misfit(paths: Paths, line: Line) -> FloatArray:
     """
     residual, jacobian = _residuals(paths, line)
     n = unit(line.normal)
-    in_front = (
-        np.minimum((paths.tx[:, :2] - line.pivot) @ n, (paths.rx[:, :2] - line.pivot) @ n) > line.offset
-    )
+    in_front = np.minimum((paths.tx[:, :2] - line.pivot) @ n, (paths.rx[:, :2] - line.pivot) @ n) > line.offset
     return np.where(in_front, chi_squared(paths, residual, jacobian, line.covariance), np.inf)
 
 
-def chi_squared(
-    paths: Paths, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray
-) -> FloatArray:
+def chi_squared(paths: Paths, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
     """``r' (S + J C J')**-1 r`` of residuals (path, 2) in length and azimuth.
 
     ``S`` is the paths' own variance, ``J`` (path, 2, parameter) the predictions' slopes and ``C`` the
@@ -194,7 +190,7 @@ def _residuals(paths: Paths, line: Line) -> tuple[FloatArray, FloatArray]:
     return residual, jacobian
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Wall:
     """A line, its member paths and where they bounced."""
 
@@ -259,9 +255,7 @@ class Wall:
         along, theirs = self.along(self.points), self.along(other.points)
         beside = along.min() - max_gap < np.median(theirs) < along.max() + max_gap
         turned = abs(float(angle_difference(other.line.normal, self.line.normal)))
-        return bool(
-            beside and turned < DUPLICATE_ANGLE and np.mean(np.abs(self.depth(other.points))) < DUPLICATE
-        )
+        return bool(beside and turned < DUPLICATE_ANGLE and np.mean(np.abs(self.depth(other.points))) < DUPLICATE)
 
     def joined(self, other: "Wall") -> "Wall":
         """Return this wall with the other's paths from links that it has none of, fitted again."""
@@ -280,12 +274,7 @@ class Wall:
         above = np.searchsorted(own, self.along(crossing))
         between = (above > 0) & (above < len(own))
         a, b = np.where(between, above - 1, 0), np.where(between, above, 0)
-        return (
-            through
-            & between
-            & (own[b] - own[a] < SOLID)
-            & (crossing[:, 2] < np.maximum(height[a], height[b]))
-        )
+        return through & between & (own[b] - own[a] < SOLID) & (crossing[:, 2] < np.maximum(height[a], height[b]))
 
     def legs(self) -> Legs:
         """Both legs of each path, antennas to reflection point."""
