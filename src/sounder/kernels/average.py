@@ -46,7 +46,7 @@ class MSequenceCorrelator:
         self.samples = found.input.size * samples_per_chip
         layout = vector if simd.available() and found.order in vector.ORDERS else portable
         self._tables = layout.tables(found, samples_per_chip)
-        self._path = layout.path(samples_per_chip)
+        self._path = layout.path(found.order, samples_per_chip)
         self._new_state = partial(layout.state, self._tables)
 
     def average(self, iq: Captures) -> Averages:

@@ -136,6 +136,6 @@ def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> Non
         hadamard.unpermute(z, ROW // 2, tables.positions, spc, tables.polarity, out[i])
 
 
-def path(_samples_per_chip: int) -> Path:
-    """Give the entry points, the same for any number of samples a chip."""
+def path(_order: int, _samples_per_chip: int) -> Path:
+    """Give the entry points, the same for any sequence."""
     return Path(run_int16, run_float32, correlate_float32)

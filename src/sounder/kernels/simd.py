@@ -67,15 +67,15 @@ def _join(b: Builder, parts: Sequence[Value]) -> Value:
 
 
 def _add(b: Builder, x: Value, y: Value) -> Value:
-    return b.fadd(x, y, flags=FUSED)
+    return b.fadd(x, y, flags=FUSED) if x.type == FLOATS else b.add(x, y)
 
 
 def _subtract(b: Builder, x: Value, y: Value) -> Value:
-    return b.fsub(x, y, flags=FUSED)
+    return b.fsub(x, y, flags=FUSED) if x.type == FLOATS else b.sub(x, y)
 
 
 def _walsh_hadamard(b: Builder, rows: Sequence[Value]) -> list[Value]:
-    """Transform over a list of rows, in registers, natural order."""
+    """Transform over a list of rows, of integers or floats, in registers, natural order."""
     a = list(rows)
     half = 1
     while half < len(a):
@@ -86,20 +86,21 @@ def _walsh_hadamard(b: Builder, rows: Sequence[Value]) -> list[Value]:
     return a
 
 
-def _transpose(b: Builder, rows: list[Value], chip: int) -> list[Value]:
-    """Transpose a square of chips, ``chip`` numbers each: chip i of row k goes to chip k of row i."""
-    size = len(rows)
-    step = 1
-    while step < size:
-        low = [lane if not lane & step else size + (lane ^ step) for lane in range(size)]
-        high = [lane | step if not lane & step else size + lane for lane in range(size)]
-        for k in range(size):
-            if not k & step:
-                x, y = rows[k], rows[k | step]
-                rows[k] = _shuffle(b, x, y, [chip * lane + i for lane in low for i in range(chip)])
-                rows[k | step] = _shuffle(b, x, y, [chip * lane + i for lane in high for i in range(chip)])
-        step *= 2
-    return rows
+def _walsh_hadamard_lanes(b: Builder, rows: Sequence[Value], chip: int) -> list[Value]:
+    """Transform over the chips within as many rows, natural order; chip i of a result belongs to row i.
+
+    Two rows are parted into the chips that differ in one bit of their place, and these are added and
+    subtracted.
+    """
+    if len(rows) == 1:
+        return list(rows)
+    lanes = range(2 * LANES // chip)
+    low = [chip * lane + i for lane in lanes if not lane & len(rows) // 2 for i in range(chip)]
+    high = [chip * lane + i for lane in lanes if lane & len(rows) // 2 for i in range(chip)]
+    parted = [(_shuffle(b, x, y, low), _shuffle(b, x, y, high)) for x, y in zip(rows[::2], rows[1::2], strict=True)]
+    sums = [_add(b, x, y) for x, y in parted]
+    differences = [_subtract(b, x, y) for x, y in parted]
+    return _walsh_hadamard_lanes(b, sums, chip) + _walsh_hadamard_lanes(b, differences, chip)
 
 
 def _pair_sums(b: Builder, x: Value, y: Value) -> Value:
@@ -113,11 +114,10 @@ ONES = ir.Constant(SHORTS, [ir.Constant(I16, 1)] * (2 * LANES))
 
 
 def _chip_row(b: Builder, chips: Sequence[Value]) -> Value:
-    """Sum the two samples of each of four chips: int16 (I, Q) x 4 samples from the chip on, to a row of 16 float32."""
+    """Sum the two samples of each of four chips: int16 (I, Q) x 4 samples from the chip on, to a row of 16 int32."""
     order = [8 * k + i for k in range(4) for i in (0, 2, 1, 3, 2, 4, 3, 5)]
     samples = _join(b, chips)
-    sums = _pair_sums(b, _shuffle(b, samples, samples, order), ONES)
-    return b.sitofp(sums, FLOATS)
+    return _pair_sums(b, _shuffle(b, samples, samples, order), ONES)
 
 
 def _gathered(b: Builder, base: Value, offsets: Value, row: int, per_row: int, kind: Any, scale: int) -> list[Value]:
@@ -129,73 +129,95 @@ def _gathered(b: Builder, base: Value, offsets: Value, row: int, per_row: int, k
     return chips
 
 
-def _procedure(given: Sequence[Any], emit: Callable[..., None]) -> tuple[Any, Callable[..., Value]]:
-    """Make the pair that numba asks of an intrinsic; literal arguments are known to ``emit`` already."""
-    literal = [isinstance(kind, types.Literal) for kind in given]
-    signature = types.void(*[kind if fixed else types.intp for kind, fixed in zip(given, literal, strict=True)])
+def _procedure(emit: Callable[..., None], addresses: int, *literals: Any) -> tuple[Any, Callable[..., Value]]:
+    """Make what numba asks of an intrinsic that takes ``literals``, known to ``emit`` already, and then addresses."""
+    signature = types.void(*literals, *[types.intp] * addresses)
 
     def generate(context: Any, builder: Builder, _signature: Any, values: Sequence[Value]) -> Value:
-        emit(builder, *[value for value, fixed in zip(values, literal, strict=True) if not fixed])
+        emit(builder, *values[len(literals) :])
         return context.get_dummy_value()
 
     return signature, generate
 
 
-@intrinsic(prefer_literal=True)
-def gather_samples(_context: Any, samples: Any, offsets: Any, z: Any, stride: Any) -> Any:
-    """Gather 64 chips of 2 samples each from int16 samples to 16 rows, summed over samples, and transform the
-    rows.
+def first_radix(chip: int) -> int:
+    """Number of rows of the first pass; the smallest order has no more."""
+    return 8 if chip == 2 else 16
 
-    Offsets are in bytes, of the chips of row 0, then row 1...; rows are ``stride`` bytes apart.
+
+@intrinsic(prefer_literal=True)
+def gather_samples(_context: Any, rows: Any, samples: Any, offsets: Any, z: Any) -> Any:
+    """Gather 64 chips of 2 samples each from int16 samples to 16 rows, summed over samples, and transform the rows.
+
+    Offsets are in bytes, of the chips of row 0, then row 1...; the rows are stored ``rows`` rows apart.
     """
 
-    def emit(b: Builder, samples: Value, offsets: Value, z: Value, stride: Value) -> None:
+    def emit(b: Builder, samples: Value, offsets: Value, z: Value) -> None:
         kind = ir.VectorType(I16, 8)
-        rows = [_chip_row(b, _gathered(b, samples, offsets, row, 4, kind, 1)) for row in range(16)]
-        for i, row in enumerate(_walsh_hadamard(b, rows)):
-            _store(b, row, b.add(z, b.mul(stride, _int(i))), 0)
+        chips = [_chip_row(b, _gathered(b, samples, offsets, row, 4, kind, 1)) for row in range(16)]
+        for i, row in enumerate(_walsh_hadamard(b, chips)):
+            _store(b, b.sitofp(row, FLOATS), z, LINE * rows.literal_value * i)
 
-    return _procedure((samples, offsets, z, stride), emit)
+    return _procedure(emit, 3, rows)
 
 
 @intrinsic(prefer_literal=True)
-def gather_chips(_context: Any, chip: Any, radix: Any, sums: Any, offsets: Any, z: Any, stride: Any) -> Any:
-    """Gather chips of ``chip`` float32 to ``radix`` rows and transform the rows.
+def gather_chips(_context: Any, chip: Any, rows: Any, sums: Any, offsets: Any, z: Any) -> Any:
+    """Gather chips of ``chip`` float32 to `first_radix` rows, stored ``rows`` rows apart, and transform them.
 
     Offsets are in units of two bytes, so that they serve `gather_samples` as well.
     """
 
-    def emit(b: Builder, sums: Value, offsets: Value, z: Value, stride: Value) -> None:
+    def emit(b: Builder, sums: Value, offsets: Value, z: Value) -> None:
         width = chip.literal_value
         kind = ir.VectorType(F32, width)
-        rows = [
-            _join(b, _gathered(b, sums, offsets, row, LANES // width, kind, 2)) for row in range(radix.literal_value)
-        ]
-        for i, row in enumerate(_walsh_hadamard(b, rows)):
-            _store(b, row, b.add(z, b.mul(stride, _int(i))), 0)
+        gathered = [_gathered(b, sums, offsets, i, LANES // width, kind, 2) for i in range(first_radix(width))]
+        for i, row in enumerate(_walsh_hadamard(b, [_join(b, chips) for chips in gathered])):
+            _store(b, row, z, LINE * rows.literal_value * i)
 
-    return _procedure((chip, radix, sums, offsets, z, stride), emit)
+    return _procedure(emit, 3, chip, rows)
+
+
+def upper_radix(rows: int) -> int:
+    """Number of rows of the first of two middle passes; between them they leave 8 neighbours of ``rows`` rows."""
+    left = rows // 8
+    if left <= 16:
+        return left
+    return 16 if left == 128 else 8
+
+
+def _transform_in_place(b: Builder, z: Value, radix: int, stride: int) -> None:
+    rows = [_load(b, z, LINE * stride * i, FLOATS, LINE) for i in range(radix)]
+    for i, row in enumerate(_walsh_hadamard(b, rows)):
+        _store(b, row, z, LINE * stride * i)
 
 
 @intrinsic(prefer_literal=True)
-def transform_rows(_context: Any, radix: Any, z: Any, stride: Any) -> Any:
-    """Transform ``radix`` rows that are ``stride`` bytes apart, in place."""
+def upper_rows(_context: Any, rows: Any, z: Any) -> Any:
+    """Transform `upper_radix` rows that are spread over a block of ``rows`` rows, in place."""
 
-    def emit(b: Builder, z: Value, stride: Value) -> None:
-        places = [b.add(z, b.mul(stride, _int(i))) for i in range(radix.literal_value)]
-        rows = [_load(b, place, 0, FLOATS, LINE) for place in places]
-        for place, row in zip(places, _walsh_hadamard(b, rows), strict=True):
-            _store(b, row, place, 0)
+    def emit(b: Builder, z: Value) -> None:
+        radix = upper_radix(rows.literal_value)
+        _transform_in_place(b, z, radix, rows.literal_value // radix)
 
-    return _procedure((radix, z, stride), emit)
+    return _procedure(emit, 1, rows)
+
+
+@intrinsic(prefer_literal=True)
+def lower_rows(_context: Any, rows: Any, z: Any) -> Any:
+    """Transform the rows that `upper_rows` leaves but for the 8 neighbours, in place."""
+
+    def emit(b: Builder, z: Value) -> None:
+        _transform_in_place(b, z, rows.literal_value // 8 // upper_radix(rows.literal_value), 8)
+
+    return _procedure(emit, 1, rows)
 
 
 def _last_rows(b: Builder, z: Value, chip: int) -> list[Value]:
     """Transform 8 neighbouring rows, and then over the chips within each row."""
     rows = _walsh_hadamard(b, [_load(b, z, LINE * i, FLOATS, LINE) for i in range(8)])
     size = LANES // chip
-    squares = [_transpose(b, rows[k : k + size], chip) for k in range(0, 8, size)]
-    return [row for square in squares for row in _walsh_hadamard(b, square)]
+    return [row for k in range(0, 8, size) for row in _walsh_hadamard_lanes(b, rows[k : k + size], chip)]
 
 
 @intrinsic(prefer_literal=True)
@@ -206,7 +228,7 @@ def last_rows(_context: Any, chip: Any, z: Any) -> Any:
         for i, row in enumerate(_last_rows(b, z, chip.literal_value)):
             _store(b, row, z, LINE * i)
 
-    return _procedure((chip, z), emit)
+    return _procedure(emit, 1, chip)
 
 
 @intrinsic(prefer_literal=True)
@@ -218,7 +240,7 @@ def last_rows_power(_context: Any, chip: Any, z: Any, power: Any) -> Any:
             total = _load(b, power, LINE * i, FLOATS, LINE)
             _store(b, _add(b, b.fmul(row, row, flags=FUSED), total), power, LINE * i)
 
-    return _procedure((chip, z, power), emit)
+    return _procedure(emit, 2, chip)
 
 
 def _add_two(b: Builder, x: Value, y: Value, sums: Value) -> None:
@@ -246,7 +268,7 @@ def copy_two(_context: Any, x: Any, y: Any, to_x: Any, to_y: Any, sums: Any) -> 
         _store(b, from_y, to_y, 0)
         _add_two(b, from_x, from_y, sums)
 
-    return _procedure((x, y, to_x, to_y, sums), emit)
+    return _procedure(emit, 5)
 
 
 @intrinsic
@@ -264,7 +286,7 @@ def copy_two_ends(_context: Any, x: Any, y: Any, to_x: Any, to_y: Any, sums: Any
             ends.append(end)
         _add_two(b, ends[0], ends[1], sums)
 
-    return _procedure((x, y, to_x, to_y, sums), emit)
+    return _procedure(emit, 5)
 
 
 @intrinsic
@@ -277,4 +299,4 @@ def prefetch(_context: Any, address: Any) -> Any:
         read, near, data = ir.Constant(I32, 0), ir.Constant(I32, 3), ir.Constant(I32, 1)
         b.call(function, [b.inttoptr(address, I8.as_pointer()), read, near, data])
 
-    return _procedure((address,), emit)
+    return _procedure(emit, 1)

@@ -30,18 +30,13 @@ GAP = 4  # chips behind the last that may be gathered: what is wrapped, and zero
 Array = Any
 
 
-def first_radix(chip: int) -> int:
-    """Rows of the first pass; the smallest order leaves no more."""
-    return 8 if chip == 2 else 16
-
-
 def tables(permutations: Permutations, samples_per_chip: int) -> Tables:
     """Lay out rows as the passes want them."""
     chips = permutations.input.size
     chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
     lanes = simd.LANES // chip
     rows = (chips + 1) // lanes
-    radix = first_radix(chip)
+    radix = simd.first_radix(chip)
 
     chip_of = np.full(chips + 1, chips + GAP - 2)  # index 0: a chip of zeros
     chip_of[permutations.input] = np.arange(chips)
@@ -77,70 +72,60 @@ def _staged_size(chips: int) -> int:
     return 4 * (chips + 1) + 64
 
 
-@part
-def middle_passes(z: int, rows: int) -> None:
-    """Transform a block of rows down to groups of `LAST` neighbours."""
-    stride = rows
-    while stride > LAST:
-        left = stride // LAST
-        radix = left if left < 8 else (16 if left in (16, 128) else 8)
-        stride //= radix
-        for start in range(0, rows, stride * radix):
-            for row in range(start, start + stride):
-                if radix == 16:
-                    simd.transform_rows(16, z + LINE * row, LINE * stride)
-                elif radix == 8:
-                    simd.transform_rows(8, z + LINE * row, LINE * stride)
-                elif radix == 4:
-                    simd.transform_rows(4, z + LINE * row, LINE * stride)
-                else:
-                    simd.transform_rows(2, z + LINE * row, LINE * stride)
+upper_radix = part(simd.upper_radix)
 
 
 @part
-def transform_sums(chip: int, radix: int, tables: Tables, state: State) -> None:
-    """Sum the capture over chips and do the first pass."""
+def middle_passes(rows: int, z: int) -> None:
+    """Transform a block of rows down to groups of 8 neighbours."""
+    upper = upper_radix(rows)
+    if upper > 1:
+        for row in range(rows // upper):
+            simd.upper_rows(rows, z + LINE * row)
+    if upper * LAST < rows:
+        for start in range(0, rows, rows // upper):
+            for row in range(start, start + LAST):
+                simd.lower_rows(rows, z + LINE * row)
+
+
+@part
+def transform_sums(chip: int, rows: int, tables: Tables, state: State) -> None:
+    """Sum the capture over chips and do the first pass, to blocks of ``rows`` rows."""
     numbers = 2 * tables.samples_per_chip * tables.rows.size
     for t in range(TAIL):
         state.capture[numbers + t] = state.capture[t]
     hadamard.chip_sums(state.capture, tables.samples_per_chip, state.sums[:numbers])
-    rows = state.z.size // simd.LANES // radix
     gather, sums, z = tables.gather.ctypes.data, state.sums.ctypes.data, state.z.ctypes.data
     for row in range(rows):
-        simd.gather_chips(chip, radix, sums, gather + 64 // chip * radix * row, z + LINE * row, LINE * rows)
+        simd.gather_chips(chip, rows, sums, gather + 4 * tables.gather.size // rows * row, z + LINE * row)
 
 
 @part
-def finish_transform(chip: int, radix: int, z: Array) -> None:
+def finish_transform(chip: int, rows: int, z: Array) -> None:
     """Do the passes after the first, in place."""
-    rows = z.size // simd.LANES // radix
-    for block in range(radix):
-        address = z.ctypes.data + LINE * rows * block
-        middle_passes(address, rows)
-        for row in range(0, rows, LAST):
-            simd.last_rows(chip, address + LINE * row)
+    for block in range(0, z.size // simd.LANES, rows):
+        middle_passes(rows, z.ctypes.data + LINE * block)
+        for row in range(block, block + rows, LAST):
+            simd.last_rows(chip, z.ctypes.data + LINE * row)
 
 
 @part
-def finish_power(chip: int, radix: int, z: Array, power: Array) -> None:
+def finish_power(chip: int, rows: int, z: Array, power: Array) -> None:
     """Do the passes after the first and add the squares of the result to the power."""
-    rows = z.size // simd.LANES // radix
-    for block in range(radix):
-        first = LINE * rows * block
-        middle_passes(z.ctypes.data + first, rows)
-        for row in range(0, rows, LAST):
-            offset = first + LINE * row
-            simd.last_rows_power(chip, z.ctypes.data + offset, power.ctypes.data + offset)
+    for block in range(0, z.size // simd.LANES, rows):
+        middle_passes(rows, z.ctypes.data + LINE * block)
+        for row in range(block, block + rows, LAST):
+            simd.last_rows_power(chip, z.ctypes.data + LINE * row, power.ctypes.data + LINE * row)
 
 
 @part
-def means(chip: int, radix: int, count: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+def means(chip: int, rows: int, count: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
     """Write the averages."""
     spc, positions = tables.samples_per_chip, tables.positions
     finish.mean_power(state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power)
     finish.mean_capture(state.samples, state.samples_total, count, state.capture)
-    transform_sums(chip, radix, tables, state)
-    finish_transform(chip, radix, state.z)
+    transform_sums(chip, rows, tables, state)
+    finish_transform(chip, rows, state.z)
     hadamard.unpermute(state.z.view(np.complex64), chip // 2, positions, spc, tables.polarity, correlation)
 
 
@@ -176,59 +161,56 @@ def stage_one(x: Array, staged: Array, samples_total: Array) -> None:
 
 
 @part
-def add_staged(ahead: int, staged: int, tables: Tables, z: Array, power: Array) -> None:
+def add_staged(rows: int, ahead: int, staged: int, gather: int, z: Array, power: Array) -> None:
     """Transform one staged capture, add its power, and fetch the capture at address ``ahead``."""
-    rows = z.size // simd.LANES // 16
-    gather = tables.gather.ctypes.data
     for row in range(rows):
-        simd.gather_samples(staged, gather + 256 * row, z.ctypes.data + LINE * row, LINE * rows)
+        simd.gather_samples(rows, staged, gather + 256 * row, z.ctypes.data + LINE * row)
         for _ in range(4):
             simd.prefetch(ahead)
             ahead += LINE
-    for block in range(16):
-        first = LINE * rows * block
-        middle_passes(z.ctypes.data + first, rows)
-        for row in range(0, rows, LAST):
-            offset = first + LINE * row
-            simd.last_rows_power(4, z.ctypes.data + offset, power.ctypes.data + offset)
+    for block in range(0, 16 * rows, rows):
+        middle_passes(rows, z.ctypes.data + LINE * block)
+        for row in range(block, block + rows, LAST):
+            simd.last_rows_power(4, z.ctypes.data + LINE * row, power.ctypes.data + LINE * row)
             for _ in range(2):
                 simd.prefetch(ahead)
                 ahead += LINE
 
 
-@jit
-def run_pairs(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
-    """Like `portable.run_int16`, of captures with 2 samples a chip."""
-    numbers = x.shape[2]
-    half = state.staged.size  # bytes
-    for d in range(x.shape[0]):
-        if seen == 0:
-            finish.clear(state.power, state.power_total)
-            finish.clear(state.samples, state.samples_total)
-        for i in range(0, x.shape[1], 2):
-            together = min(2, x.shape[1] - i)
-            address = x.ctypes.data + 2 * numbers * (d * x.shape[1] + i)
-            if together == 2:
-                stage_two(address, numbers, state.staged, state.samples)
-            else:
-                stage_one(x[d, i], state.staged, state.samples_total)
-            for c in range(together):
-                ahead = address + 2 * numbers * c + AHEAD
-                add_staged(ahead, state.staged.ctypes.data + half * c, tables, state.z, state.power)
-                if (seen + i + c + 1) % finish.FLUSH_POWER == 0:
-                    finish.flush(state.power, state.power_total)
-            if (i + 2) % finish.FLUSH_SAMPLES == 0:
-                finish.flush_permuted(state.samples, tables.number_order, state.samples_total)
-        finish.flush_permuted(state.samples, tables.number_order, state.samples_total)
-        if d < correlation.shape[0]:
-            means(4, 16, seen + x.shape[1], tables, state, correlation[d], power[d])
-
-
 @cache
-def path(samples_per_chip: int) -> Path:
-    """Make the entry points for a number of samples a chip."""
+def path(order: int, samples_per_chip: int) -> Path:
+    """Make the entry points for an order and a number of samples a chip.
+
+    They are closed over two constants alone: the numbers of a chip, and the rows of a block after the first
+    pass.
+    """
     chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
-    radix = first_radix(chip)
+    rows = (1 << order) * chip // simd.LANES // simd.first_radix(chip)
+
+    def run_pairs(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+        numbers = x.shape[2]
+        half = state.staged.size  # bytes
+        for d in range(x.shape[0]):
+            if seen == 0:
+                finish.clear(state.power, state.power_total)
+                finish.clear(state.samples, state.samples_total)
+            for i in range(0, x.shape[1], 2):
+                together = min(2, x.shape[1] - i)
+                address = x.ctypes.data + 2 * numbers * (d * x.shape[1] + i)
+                if together == 2:
+                    stage_two(address, numbers, state.staged, state.samples)
+                else:
+                    stage_one(x[d, i], state.staged, state.samples_total)
+                for c in range(together):
+                    ahead, staged = address + 2 * numbers * c + AHEAD, state.staged.ctypes.data + half * c
+                    add_staged(rows, ahead, staged, tables.gather.ctypes.data, state.z, state.power)
+                    if (seen + i + c + 1) % finish.FLUSH_POWER == 0:
+                        finish.flush(state.power, state.power_total)
+                if (i + 2) % finish.FLUSH_SAMPLES == 0:
+                    finish.flush_permuted(state.samples, tables.number_order, state.samples_total)
+            finish.flush_permuted(state.samples, tables.number_order, state.samples_total)
+            if d < correlation.shape[0]:
+                means(chip, rows, seen + x.shape[1], tables, state, correlation[d], power[d])
 
     def run_int16(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
         for d in range(x.shape[0]):
@@ -239,14 +221,14 @@ def path(samples_per_chip: int) -> Path:
                 for t in range(x.shape[2]):
                     state.capture[t] = np.float32(x[d, i, t])
                     state.samples[t] = np.int32(state.samples[t] + np.int32(x[d, i, t]))
-                transform_sums(chip, radix, tables, state)
-                finish_power(chip, radix, state.z, state.power)
+                transform_sums(chip, rows, tables, state)
+                finish_power(chip, rows, state.z, state.power)
                 if (seen + i + 1) % finish.FLUSH_POWER == 0:
                     finish.flush(state.power, state.power_total)
                 if (seen + i + 1) % finish.FLUSH_SAMPLES == 0:
                     finish.flush(state.samples, state.samples_total)
             if d < correlation.shape[0]:
-                means(chip, radix, seen + x.shape[1], tables, state, correlation[d], power[d])
+                means(chip, rows, seen + x.shape[1], tables, state, correlation[d], power[d])
 
     def run_float32(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
         for d in range(x.shape[0]):
@@ -257,24 +239,25 @@ def path(samples_per_chip: int) -> Path:
                 for t in range(x.shape[2]):
                     state.capture[t] = x[d, i, t]
                     state.samples_total[t] += x[d, i, t]
-                transform_sums(chip, radix, tables, state)
-                finish_power(chip, radix, state.z, state.power)
+                transform_sums(chip, rows, tables, state)
+                finish_power(chip, rows, state.z, state.power)
                 if (seen + i + 1) % finish.FLUSH_POWER == 0:
                     finish.flush(state.power, state.power_total)
             if d < correlation.shape[0]:
-                means(chip, radix, seen + x.shape[1], tables, state, correlation[d], power[d])
+                means(chip, rows, seen + x.shape[1], tables, state, correlation[d], power[d])
 
     def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> None:
         spc, positions = tables.samples_per_chip, tables.positions
         for i in range(x.shape[0]):
             for t in range(x.shape[1]):
                 state.capture[t] = x[i, t]
-            transform_sums(chip, radix, tables, state)
-            finish_transform(chip, radix, state.z)
+            transform_sums(chip, rows, tables, state)
+            finish_transform(chip, rows, state.z)
             z = state.z.view(np.complex64)
             hadamard.unpermute(z, chip // 2, positions, spc, tables.polarity, out[i])
 
-    # Kernels of different widths must not share a cache file (see `compile`).
-    for kernel in (run_int16, run_float32, correlate_float32):
-        kernel.__qualname__ = f"{kernel.__name__}_{chip}"
-    return Path(run_pairs if samples_per_chip == 2 else jit(run_int16), jit(run_float32), jit(correlate_float32))
+    int16 = run_pairs if samples_per_chip == 2 else run_int16
+    # Kernels of different constants must not share a cache file (see `compile`).
+    for kernel in (int16, run_float32, correlate_float32):
+        kernel.__qualname__ = f"{kernel.__name__}_{order}_{chip}"
+    return Path(jit(int16), jit(run_float32), jit(correlate_float32))
