@@ -113,7 +113,7 @@ def calibration_of(scene: Scene) -> BackToBack:
     return back_to_back(scene.sounder, measured, faults=scene.faults, seed=scene.seed)
 
 
-def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[str], None] | None = None) -> list[Path]:
+def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[], None] | None = None) -> list[Path]:
     """Simulate a scene and write it.
 
     ``out`` gets ``back-to-back.h5``, ``raw/NAME.h5`` for each position, ``truth/environment.geojson`` and
@@ -127,7 +127,7 @@ def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[str]
     out : path
         Folder; made if it is not there.
     progress : callable, optional
-        Called with the name of each position once it is written.
+        Called after each position.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[str]
         truth.append(paths.assign(position=("path", np.full(paths.sizes["path"], recording.name))))
         recordings.append(target)
         if progress is not None:
-            progress(recording.name)
+            progress()
     joined = xr.concat(truth, dim="path")
     origin = provenance("Propagation paths of all positions, traced", history, options=_options(scene))
     joined.attrs = origin | {"frequency": scene.sounder.carrier.frequency}

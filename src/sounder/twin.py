@@ -213,15 +213,15 @@ def _receive(
     """
     waveform = sounder.waveform
     shape = (snapshots, waveform.samples)
-    signal = np.broadcast_to(np.fft.ifft(spectrum), shape)
+    signal = np.repeat(np.fft.ifft(spectrum)[None], snapshots, axis=0)
     if faults.phase_noise:
-        signal = signal * np.exp(1j * faults.phase_noise.phase(rng, *shape, waveform.sample_rate))
+        signal *= np.exp(1j * faults.phase_noise.phase(rng, *shape, waveform.sample_rate))
     if faults.thermal_noise:
         deviation = np.sqrt(faults.thermal_noise.power(waveform.sample_rate) / 2)
-        signal = signal + deviation * rng.standard_normal((*shape, 2)).view(complex)[..., 0]
-    signal = signal * 10 ** (gain / 20)
+        signal += deviation * rng.standard_normal((*shape, 2)).view(complex)[..., 0]
+    signal *= 10 ** (gain / 20)
     if faults.iq_imbalance:
         signal = faults.iq_imbalance.apply(signal)
     if faults.dc_offset:
-        signal = signal + faults.converter.amplitude * complex(faults.dc_offset.i, faults.dc_offset.q)
+        signal += faults.converter.amplitude * complex(faults.dc_offset.i, faults.dc_offset.q)
     return faults.converter.convert(signal)
