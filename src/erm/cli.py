@@ -105,6 +105,8 @@ def evaluate(
         truth = read_outline(outline, z_slice=z_slice, min_visible=min_visible)
     else:
         truth = outline_of(Environment.read(outline))
+        if len(truth) == 0:
+            raise DataError(f"{outline}: holds no wall; expected some to judge by")
     walls = evaluate_walls(found, truth)
     result: dict = {"walls": walls}
     complaints: list[str] = []

@@ -43,11 +43,11 @@ def point_errors(points: npt.ArrayLike, outline: FloatArray, true_points: npt.Ar
     points : array (point, 2 or more)
         East/north [m].
     outline : array (segment, 2 ends, 2)
-        Known faces [m].
+        Known faces, at least one [m].
     true_points : array (point, 2 or more), optional
         Where the paths truly bounced [m].
     """
-    xy = np.asarray(points, dtype=float).reshape(len(np.asarray(points)), -1)[:, :2]
+    xy = np.asarray(points, dtype=float)[..., :2].reshape(-1, 2)
     start, along = outline[:, 0], outline[:, 1] - outline[:, 0]
     length = np.linalg.norm(along, axis=-1)
     direction = along / length[:, None]
@@ -60,7 +60,7 @@ def point_errors(points: npt.ArrayLike, outline: FloatArray, true_points: npt.Ar
     rows = np.arange(len(xy))
     full = None
     if true_points is not None:
-        truth = np.asarray(true_points, dtype=float).reshape(len(xy), -1)[:, :2]
+        truth = np.asarray(true_points, dtype=float)[..., :2].reshape(-1, 2)
         full = np.linalg.norm(xy - truth, axis=-1)
     return PointErrors(face, distance[rows, face], across[rows, face], full)
 

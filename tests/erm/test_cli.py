@@ -1,0 +1,157 @@
+"""The command line: exit codes, one line an error, files whole or not at all."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.constants import c
+
+from erm import cli
+from erm.environment import Environment
+from erm.geometry import azimuth_of, mirrored
+from erm.mpc_table import make_table, read_csv, write_csv
+
+TX = np.array([-40.0, 3.0, 12.0])
+WALL = (90.0, -9.0)  # y = -9
+
+
+@pytest.fixture
+def mpcs(tmp_path: Path) -> Path:
+    """Six positions along a street that see one wall."""
+    rx = np.column_stack([np.linspace(-20, 30, 6), np.linspace(-2, 4, 6), np.full(6, 1.5)])
+    tx = np.tile(TX, (6, 1))
+    seen = mirrored(tx, *WALL) - rx[:, :2]
+    length = np.hypot(np.linalg.norm(seen, axis=-1), TX[2] - 1.5)
+    gain = 20 * np.log10(c / 132e9 / (4 * np.pi * length)) - 6
+    table = make_table(
+        {"position": np.array([f"RX{i}" for i in range(6)]), "tx_position": tx, "rx_position": rx}
+        | {"frequency": 132e9, "delay": length / c, "azimuth": azimuth_of(seen), "path_gain": gain}
+    )
+    write_csv(table, tmp_path / "mpcs.csv")
+    return tmp_path / "mpcs.csv"
+
+
+def run(*arguments) -> int:
+    """Run the command in this process as a shell would."""
+    old, sys.argv = sys.argv, ["erm", *map(str, arguments)]
+    try:
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+    finally:
+        sys.argv = old
+    return int(stop.value.code or 0)
+
+
+def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys):
+    out, rps, figure = tmp_path / "map.geojson", tmp_path / "rps.csv", tmp_path / "map.png"
+    assert run("reconstruct", mpcs, "--out", out, "--rps", rps, "--figure", figure) == 0
+    printed = capsys.readouterr()
+    assert "1 walls from 6 of 6 components" in printed.out
+    assert printed.err == ""
+    wall = Environment.read(out).reflectors.isel(reflector=0)
+    assert wall["offset"].item() == pytest.approx(-9, abs=1e-3)
+    assert figure.stat().st_size > 1000
+    header, *rows = rps.read_text().splitlines()
+    assert header.startswith("position,wall,rp_x,rp_y,rp_z")
+    assert len(rows) == 6
+
+    assert run("predict", out, "--tx", -40, 3, 12, "--rx", -10, -0.8, 1.5, "--out", tmp_path / "p.csv") == 0
+    table, complaints = read_csv(tmp_path / "p.csv")
+    assert complaints == []
+    measured, _ = read_csv(mpcs)
+    reflected = table["delay"].values[1]
+    assert table["los"].values.tolist() == [1, 1]
+    assert reflected == pytest.approx(measured["delay"].values[1], abs=1e-12)
+    assert capsys.readouterr().out.splitlines()[0].split("\t")[0] == "delay [ns]"
+
+
+def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path, capsys):
+    out, outline = tmp_path / "map.h5", tmp_path / "outline.geojson"
+    Environment.walls([[[-60, -9.1], [60, -9.1]]]).write(outline)
+    assert run("reconstruct", mpcs, "--out", out) == 0
+    capsys.readouterr()
+    assert run("evaluate", out, mpcs, "--outline", outline, "--json") == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["walls"]["found"] == 1
+    assert result["walls"]["offset_error"]["rmse"] == pytest.approx(0.1, abs=1e-3)
+    assert result["points"]["single"]["perpendicular"]["mean"] == pytest.approx(0.1, abs=1e-3)
+    assert result["points"]["planar"]["perpendicular"]["mean"] > 0.3
+    assert run("evaluate", out, "--outline", outline) == 0
+    assert "1 walls, 0 false; 1 faces of the outline found" in capsys.readouterr().out
+
+
+def test_the_letters_tables_and_figures_are_written(tmp_path: Path, capsys):
+    assert run("letter", "--out", tmp_path / "letter") == 0
+    assert {path.name for path in (tmp_path / "letter").iterdir()} == {
+        "table_3.csv",
+        "table_3.md",
+        "reflection_points.csv",
+        "reflection_points.png",
+        "error_cdf.png",
+    }
+    assert "cannot be recomputed" in capsys.readouterr().out
+
+
+def test_a_bad_file_is_named_the_rest_is_done_and_the_exit_code_is_1(tmp_path: Path, mpcs: Path, capsys):
+    with mpcs.open("a") as file:
+        file.write("RX9,,-40,3,12,nan,0,1.5,132e9,3e-7,0,,-110\n")
+    out = tmp_path / "map.h5"
+    assert run("reconstruct", tmp_path / "none.csv", mpcs, "--out", out) == 1
+    printed = capsys.readouterr()
+    assert printed.err.splitlines() == [
+        f"{tmp_path / 'none.csv'}: no such file",
+        f"{mpcs}: 1 of 7 rows dropped: rx_x is not a number (first: line 8)",
+    ]
+    assert Environment.read(out).reflectors.sizes["reflector"] == 1
+
+
+def test_nothing_usable_writes_nothing(tmp_path: Path, capsys):
+    out = tmp_path / "map.h5"
+    assert run("reconstruct", tmp_path / "none.csv", "--out", out) == 1
+    assert "not written" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_no_components_are_an_empty_map(tmp_path: Path, mpcs: Path):
+    mpcs.write_text(mpcs.read_text().splitlines()[0] + "\n")
+    assert run("reconstruct", mpcs, "--out", tmp_path / "map.csv") == 0
+    assert Environment.read(tmp_path / "map.csv").reflectors.sizes["reflector"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 3], "TX and RX are both at"),
+        (["predict", "{none}", "--tx", 1, 2, 3, "--rx", 4, 2, 3], "no such file"),
+        (["evaluate", "{map}", "--outline", "{none}"], "none.h5: "),
+        (["reconstruct", "{mpcs}", "--out", "{map}.xyz"], "unknown format"),
+        (["reconstruct", "{mpcs}", "--out", "{map}", "--figure", "{map}.xyz"], "not supported"),
+    ],
+)
+def test_an_error_is_one_line(tmp_path: Path, mpcs: Path, capsys, arguments, complaint):
+    names = {"map": tmp_path / "map.h5", "none": tmp_path / "none.h5", "mpcs": mpcs}
+    Environment.walls([[[0, 0], [1, 0]]]).write(names["map"])
+    assert run(*(str(argument).format(**names) for argument in arguments)) == 1
+    error = capsys.readouterr().err
+    assert complaint in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "arguments", [["reconstruct"], ["predict", "m.h5", "--tx", 1, 2], ["letter"], ["wrong"], ["evaluate", "m.h5"]]
+)
+def test_wrong_usage_exits_with_2(arguments):
+    assert run(*arguments) == 2
+
+
+def test_help_is_quick():
+    start = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "erm.cli", "--help"], check=True, capture_output=True)
+    # 0.35 s alone; numpy, xarray or pyplot would each add what tells them, on a busy machine too
+    assert time.perf_counter() - start < 3
+    heavy = "import erm.cli, sys; sys.exit(any(name in sys.modules for name in ('numpy', 'xarray', 'matplotlib')))"
+    assert subprocess.run([sys.executable, "-c", heavy], check=False).returncode == 0
