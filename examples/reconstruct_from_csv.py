@@ -1,9 +1,11 @@
 """From a table of multipath components to a map, and from the map to the channel at a new place.
 
-    python examples/reconstruct_from_csv.py mpcs.csv map.geojson map.png
+Usage: python examples/reconstruct_from_csv.py mpcs.csv map.geojson map.png
 """
 
 import sys
+
+import numpy as np
 
 from erm.figures import plot_map
 from erm.mpc_table import read_mpcs
@@ -25,7 +27,7 @@ def main(mpcs: str, map_file: str, picture: str) -> None:
     plot_map(environment, table=merged).figure.savefig(picture, dpi=160, bbox_inches="tight")
 
     first = table.isel(mpc=0)
-    rx = first["rx_position"].values + [1.0, 0.0, 0.0]  # one metre east of a measured position
+    rx = first["rx_position"].values + np.array([1.0, 0.0, 0.0])  # one metre east of a measured position
     paths = trace(environment, first["tx_position"].values, rx, float(first["frequency"]), max_order=1)
     print(paths[["delay", "azimuth", "path_gain"]].to_dataframe())
 

@@ -62,9 +62,7 @@ def read_outline(path: Path | str, *, z_slice: float | None = None, min_visible:
                     if a[:2] != b[:2]
                 ]
             except (KeyError, TypeError, AttributeError) as error:
-                raise DataError(
-                    f"{path}: a feature is not GeoJSON ({error!r}); expected coordinates"
-                ) from None
+                raise DataError(f"{path}: a feature is not GeoJSON ({error!r}); expected coordinates") from None
     if not segments:
         known = f"; slices in the file: {sorted(slices)}" if slices else ""
         raise DataError(f"{path}: no LineString or Polygon is left{known}; relax z_slice or min_visible")

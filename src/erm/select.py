@@ -198,9 +198,7 @@ def fits_vertical_face(table: "xr.Dataset") -> BoolArray:
     return ~(np.abs(table["elevation"].values - expected) > tolerance)
 
 
-def letter_limit(
-    loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray
-) -> float:
+def letter_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray) -> float:
     """Twice the smallest reflection loss of the scenario (Eq. 4) [dB].
 
     At a position with line of sight the smallest loss is that of the direct path, so the second one counts.
