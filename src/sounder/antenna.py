@@ -57,6 +57,11 @@ class Pattern:
         return cls(antenna.gain, cuts[0], cuts[1], antenna.sidelobe_floor)
 
     @property
+    def directive(self) -> bool:
+        """Whether the gain depends on direction."""
+        return self.floor < 0
+
+    @property
     def sidelobe_level(self) -> float:
         """Highest relative gain [dB] outside the main lobe, in either cut; the floor where there are no sidelobes."""
         levels = [self.floor]

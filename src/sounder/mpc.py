@@ -22,12 +22,12 @@ OVER = 64
 MARGIN = 2.0
 """Amplitude over the pattern's prediction that still counts as the same path (6 dB, for horns not as measured)."""
 LEFTOVER = 0.1
-"""Amplitude under which what a fit leaves around a path is its own remainder (-20 dB)."""
-PASSES = 1
+"""Amplitude, relative to a path in its beam, under which what a fit leaves around it is its own remainder (-20 dB)."""
+PASSES = 2
 """Rounds of fitting each path again with all the others taken out."""
 LOCATED = 3.0
 """How far over the pattern's sidelobes a path must stand in its beam for its angle to be believed [dB]."""
-DIRECT_GUARD = 5e-9
+DIRECT_GUARD = 1e-9
 """How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]."""
 
 
@@ -108,12 +108,12 @@ def extract(
         OVER,
         np.array([cell, width_azimuth / 2, width_elevation]),
         MARGIN,
-        LEFTOVER,
+        np.array([LEFTOVER, MARGIN * 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0]),
         PASSES,
         found,
     )
     found = found[:count][np.argsort(-found[:count, kernel.AMPLITUDE])]
-    located = _located(found, pattern)
+    located = _located(found, pattern) & ~(found[:, kernel.AZIMUTH_STD] > width_azimuth / 2)
     table = _table(found[located], noise, filter_, sounder, distance, fans=elevation.size > 1)
     return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()))
 
@@ -124,7 +124,7 @@ def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
     A path far above or below the fan is seen through the sidelobes, alike by all beams; its delay is right, its angle
     is not known.
     """
-    if pattern.sidelobe_level == 0:  # the flat pattern tells no direction at all
+    if not pattern.directive:
         return np.ones(len(found), bool)
     least = 10 ** ((pattern.sidelobe_level + LOCATED) / 20)
     located: NDArray[np.bool_] = found[:, kernel.OFF_BORESIGHT] > least

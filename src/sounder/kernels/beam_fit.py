@@ -132,7 +132,9 @@ def fit_angles(
     for i in range(3):
         unit = np.zeros(3)
         unit[i] = 1.0
-        result[3 + i] = np.sqrt(max(variance * _solve(normal, unit, 1e-12)[i], 0.0))
+        # An angle that no beam depends on to first order (all at the floor, or symmetric) is not determined.
+        flat = normal[i, i] < 1e-9 * amplitude**2
+        result[3 + i] = np.inf if flat else np.sqrt(max(variance * _solve(normal, unit, 1e-12)[i], 0.0))
         if i < 2 and not free[i]:
             result[3 + i] = np.nan
     result[0], result[1], result[2] = angles[0], angles[1], amplitude

@@ -36,6 +36,8 @@ BLOCK = 32
 """Columns of the result; the last are the power that the fit left around the peak, the beam it was found in, and the
 pattern's amplitude from that beam toward it."""
 COLUMNS = 10
+CLEARLY = 0.25
+"""Residual power, relative to that of a fit from the beam's own direction, at which a fit from outside the fan wins."""
 
 
 @jit
@@ -53,7 +55,7 @@ def cancel(
     over: int,
     resolution: Real,
     margin: float,
-    leftover: float,
+    leftover: Real,
     passes: int,
     found: Real,
 ) -> int:
@@ -80,8 +82,9 @@ def cancel(
         Delay [sample], azimuth and elevation [degree] within which two paths are one.
     margin : float
         How far the amplitude in a beam may exceed what the pattern predicts and still be that path's.
-    leftover : float
-        Amplitude, relative to a path, under which what remains around it is its own remainder.
+    leftover : array (2,)
+        Amplitude under which what remains at a path's delay is its own remainder: relative to the path in that beam,
+        and in any beam, whose sidelobes may differ from the pattern.
     passes : int
         Rounds of fitting all paths again, each against the others' remainder.
     found : array (capacity, COLUMNS)
@@ -178,7 +181,19 @@ def cancel(
                 taken[i],
             )
             found[i, LEFT_OVER] = _power_around(beams[b], found[i, DELAY])
-    return count
+    return _keep(found, count, threshold)
+
+
+@part
+def _keep(found: Real, count: int, threshold: Real) -> int:
+    """Move the paths that still exceed the threshold to the front; fitted again, some turn out to be others' parts."""
+    kept = 0
+    for i in range(count):
+        power = (found[i, AMPLITUDE] * found[i, OFF_BORESIGHT]) ** 2
+        if power > threshold[int(found[i, BEAM])]:
+            found[kept] = found[i]
+            kept += 1
+    return kept
 
 
 @part
@@ -247,16 +262,15 @@ def _fit(
     lower = np.array([looks[b, 0] - limits[0], limits[1]])
     upper = np.array([looks[b, 0] + limits[0], limits[2]])
     result = np.empty(6)
-    best = np.inf
-    # Beyond the edge of the fan the pattern's floor makes further minima: start from several angles.
-    at_top = free[1] and e == n_elevations - 1
-    at_bottom = free[1] and e == 0
-    for start_ in range(-9, 12):
-        tilt, turn = start_ // 3, start_ % 3 - 1
-        if (tilt > 0 and not at_top) or (tilt < 0 and not at_bottom) or (tilt == 0 and turn != 0):
-            continue
+    best = inside = np.inf
+    # Beyond the edge of the fan the pattern's floor makes further minima: start from several angles, the beam's own
+    # first. One outside must fit clearly better: interference must not turn a weak path into a strong one out there.
+    outward = 1 if e == n_elevations - 1 else -1
+    starts = 10 if free[1] and (e == n_elevations - 1 or e == 0) else 1
+    for start_ in range(starts):
+        tilt, turn = (start_ + 2) // 3, start_ % 3 - 1 if start_ else 0
         start_angles[0] = looks[b, 0] + 0.4 * turn * limits[0]
-        start_angles[1] = min(max(looks[b, 1] + 0.5 * tilt * limits[3], lower[1]), upper[1])
+        start_angles[1] = min(max(looks[b, 1] + 0.5 * outward * tilt * limits[3], lower[1]), upper[1])
         cost = fit_angles(
             magnitude[:beam_count],
             near[:beam_count],
@@ -270,7 +284,9 @@ def _fit(
             pattern_floor,
             result,
         )
-        if cost < best:
+        if start_ == 0:
+            inside = cost
+        if start_ == 0 or (cost < best and cost < CLEARLY * inside):
             best = cost
             row[AZIMUTH : AMPLITUDE_STD + 1] = result
     row[DELAY] = delay
@@ -329,7 +345,7 @@ def _mark(
     pattern_floor: float,
     table: npt.NDArray[np.complex128],
     over: int,
-    leftover: float,
+    leftover: Real,
     row: Real,
 ) -> None:
     """Raise the level under which a peak is a remainder of this path."""
@@ -340,7 +356,7 @@ def _mark(
         g = beam_amplitude(
             row[AZIMUTH], row[ELEVATION], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, pattern_floor
         )
-        level = (leftover * row[AMPLITUDE] * g) ** 2
+        level = (row[AMPLITUDE] * max(leftover[0] * g, leftover[1])) ** 2
         for k in range(centre - reach, centre + reach + 1):
             shape = abs(pulse_at(table, over, k - row[DELAY])) ** 2
             ghost[b, k % size] = max(ghost[b, k % size], level * shape)
