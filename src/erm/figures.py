@@ -149,12 +149,12 @@ def _new_axes(size: tuple[float, float]) -> "Axes":
 
 
 def _segments(axes: "Axes", segments: FloatArray, thing: str, label: str) -> None:
-    """Draw segments (segment, 2, 2) as one collection, which the view is not fitted to."""
+    """Draw segments (segment, 2, 2) as one collection."""
     from matplotlib.collections import LineCollection
 
     if len(segments):
         lines = LineCollection(list(segments), colors=PALETTE[thing], label=label, **LINES[thing])
-        axes.add_collection(lines, autolim=False)
+        axes.add_collection(lines)
 
 
 def _points(axes: "Axes", points: FloatArray, thing: str, label: str) -> None:

@@ -49,6 +49,10 @@ def test_a_map_judged_by_itself_is_perfect():
     assert result["offset_error"]["max"] == 0
 
 
+def test_a_wall_has_no_direction():
+    assert evaluate_walls(Environment.walls(SQUARE[:, ::-1]), SQUARE)["matches"] == [0, 1, 2, 3]
+
+
 def test_a_shifted_wall_is_found_with_its_error_and_a_far_one_is_false():
     walls = [[[2, 0.2], [8, 0.2]], [[2, 5], [8, 5]], [[2, 2], [4, 4]]]
     result = evaluate_walls(Environment.walls(walls), SQUARE)

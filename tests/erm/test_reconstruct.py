@@ -11,8 +11,10 @@ from erm.evaluate import evaluate_walls, face_hits, point_errors
 from erm.geometry import angle_difference, azimuth_of, mirrored, unit
 from erm.mpc_table import empty_table, make_table
 from erm.outline import read_outline
+from erm.phantom import bounced_twice
 from erm.reconstruct import reconstruct
 from erm.select import select
+from erm.wall import Paths, fit_line, seed_line
 
 FREQUENCY = 132e9
 TX = np.array([[5.0, 12.0, 28.4], [62.0, 40.0, 20.0]])
@@ -124,6 +126,49 @@ def test_direct_paths_alone_are_an_empty_map():
     environment, merged = reconstruct(select(joined([bounces(tx, rx, loss=0.0)])))
     assert environment.reflectors.sizes["reflector"] == 0
     assert set(merged["reason"].values) == {"direct path"}
+
+
+def paths_of(columns, length_std=0.05, azimuth_std=0.7):
+    n = len(columns["delay"])
+    return Paths(
+        tx=columns["tx_position"],
+        rx=columns["rx_position"],
+        length=columns["delay"] * c,
+        azimuth=columns["azimuth"],
+        length_std=np.full(n, length_std),
+        azimuth_std=np.full(n, azimuth_std),
+        link=np.arange(n),
+        loss=np.full(n, 6.0),
+    )
+
+
+def test_the_wall_of_one_path_is_its_face_with_the_same_covariance():
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    for row in range(len(rx)):
+        path = paths_of(bounces(tx, rx, WALLS[1])).take(np.array([row]))
+        face = seed_line(path)
+        fitted = fit_line(path, face).about(face.pivot)
+        assert float(angle_difference(fitted.normal, face.normal)) == pytest.approx(0, abs=1e-9)
+        assert fitted.offset == pytest.approx(face.offset, abs=1e-9)
+        np.testing.assert_allclose(fitted.covariance, face.covariance, rtol=1e-6)
+
+
+def test_two_bounces_are_known_by_the_image_of_the_image():
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    lines = [
+        fit_line(paths, seed_line(paths.take(np.array([0]))))
+        for paths in (paths_of(bounces(tx, rx, w)) for w in WALLS[:2])
+    ]
+    both = paths_of(bounces(tx, rx, WALLS[1], WALLS[0]))
+    with_ground = paths_of(bounces(tx, rx, WALLS[1], height=tx[:, 2] + rx[:, 2] - 2 * 0.7))
+    single = paths_of(bounces(tx, rx, WALLS[2]))
+    assert bounced_twice(both, lines, 0.7).all()
+    assert not bounced_twice(both, lines[:1], 0.7).any()
+    assert bounced_twice(with_ground, lines, 0.7).all()
+    assert not bounced_twice(with_ground, lines, 3.0).any()
+    assert not bounced_twice(single, lines, 0.7).any()
 
 
 def test_errors_of_walls_follow_their_covariance():
