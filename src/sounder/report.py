@@ -1,8 +1,11 @@
 """Figures of products as files."""
 
 from pathlib import Path
+from typing import cast
 
 import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.projections.polar import PolarAxes
 
 from erm.console import save_figure
 from erm.storage import open_group
@@ -22,14 +25,12 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
     DataError
         The file is not a product, or the folder cannot be written to.
     """
-    from matplotlib.figure import Figure
-
     name, daps = _daps(product)
     mpc = open_group(product, "/mpc")
     drawn: dict[str, Figure] = {}
 
     drawn["daps_polar"] = Figure(figsize=(6.5, 5.0), layout="constrained")
-    figures.daps_polar([(name, daps)], drawn["daps_polar"].add_subplot(projection="polar"))
+    figures.daps_polar([(name, daps)], _polar(drawn["daps_polar"]))
     drawn["daps"] = Figure(figsize=(7.0, 4.0), layout="constrained")
     figures.daps_cartesian(daps, drawn["daps"].add_subplot(title=name), mpc=mpc)
     drawn["pdp"] = Figure(figsize=(7.0, 3.6), layout="constrained")
@@ -50,10 +51,8 @@ def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -
     DataError
         A file is not a product, or the folder cannot be written to.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(8.0, 5.2), layout="constrained")
-    figures.daps_polar([_daps(first), _daps(second)], figure.add_subplot(projection="polar"))
+    figures.daps_polar([_daps(first), _daps(second)], _polar(figure))
     return [_save(figure, out / f"{first.stem}_{second.stem}_daps_polar.{suffix}")]
 
 
@@ -61,6 +60,11 @@ def _daps(product: Path) -> tuple[str, xr.Dataset]:
     return str(open_group(product)["position"].values[0]), open_group(product, "/daps")
 
 
-def _save(figure: "figures.Figure", path: Path) -> Path:
+def _polar(figure: Figure) -> PolarAxes:
+    axes = figure.add_subplot(projection="polar")
+    return cast(PolarAxes, axes)
+
+
+def _save(figure: Figure, path: Path) -> Path:
     save_figure(figure, path)
     return path

@@ -1,4 +1,4 @@
-"""Readers: one file a format, found through the entry points of the group ``sounder.readers``.
+"""Readers: one file a format; the native one here, others through entry points of the group ``sounder.readers``.
 
 A reader is a module with ``is_format(path) -> bool`` and ``recordings(path, sounder=None) -> list[Recording]``.
 Files that follow no known format are read by saying how they are laid out: :mod:`sounder.readers.layout`.
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from erm.errors import DataError
 from sounder.config import Sounder
+from sounder.readers import native
 from sounder.recording import Recording
 
 
@@ -34,8 +35,7 @@ def open_recordings(path: Path, sounder: Sounder | None = None) -> list[Recordin
     """
     if not path.is_file():
         raise DataError(f"{path}: no such file")
-    for entry in entry_points(group="sounder.readers"):
-        reader = entry.load()
+    for reader in (native, *(entry.load() for entry in entry_points(group="sounder.readers"))):
         if reader.is_format(path):
             found: list[Recording] = reader.recordings(path, sounder)
             return found

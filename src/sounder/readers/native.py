@@ -1,4 +1,4 @@
-"""The toolkit's own recording file: HDF5 that netCDF4 readers open too, one position a file."""
+"""The toolkit's own recording file: HDF5, one position a file."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator
@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import h5netcdf
 import h5py
 import numpy as np
 from numpy.typing import NDArray
@@ -185,17 +184,7 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
         The captures are not int16, which the native file keeps them in.
     """
     inputs = [recording.source] if recording.source.is_file() else []
-    with atomic_path(target) as temporary, h5netcdf.File(temporary, "w") as file:
-        waveform = recording.sounder.waveform
-        file.dimensions = {
-            "azimuth": recording.azimuth.size,
-            "elevation": recording.elevation.size,
-            "snapshot": recording.snapshots,
-            "sample": waveform.samples,
-            "iq": 2,
-            "position": 1,
-            "xyz": 3,
-        }
+    with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
         file.attrs.update(provenance(f"Raw captures of {recording.name}", history, inputs=inputs))
         file.attrs["kind"] = RECORDING
         file.attrs["position"] = recording.name
@@ -203,20 +192,23 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
         file.attrs["frequency"] = recording.sounder.carrier.frequency
         file.attrs["los"] = recording.los
         grid = ("azimuth", "elevation")
-        _variable(
+        _dataset(
             file, "azimuth", ("azimuth",), recording.azimuth, "degree", "horn azimuth, counter-clockwise from east"
         )
-        _variable(file, "elevation", ("elevation",), recording.elevation, "degree", "horn elevation above the horizon")
+        _dataset(file, "elevation", ("elevation",), recording.elevation, "degree", "horn elevation, above the horizon")
         for end in ("tx", "rx"):
             position = getattr(recording, f"{end}_position")[None]
-            _variable(file, f"{end}_position", ("position", "xyz"), position, "m", f"{end.upper()} east, north, up")
-        _variable(file, "agc_gain", grid, recording.agc_gain, "dB", "receiver gain over the back-to-back setting")
-        _variable(file, "valid", grid, recording.valid.astype(np.int8), "1", "1 where the direction was recorded")
+            _dataset(file, f"{end}_position", ("position", "xyz"), position, "m", f"{end.upper()} east, north, up")
+        _dataset(file, "agc_gain", grid, recording.agc_gain, "dB", "receiver gain over the back-to-back setting")
+        _dataset(file, "valid", grid, recording.valid.astype(np.int8), "1", "1 where the direction was recorded")
         if recording.time is not None:
             units = "seconds since 1970-01-01 00:00:00"
-            _variable(file, "time", grid, recording.time, units, "time of the first snapshot")
-        iq = file.create_variable("iq", (*grid, "snapshot", "sample", "iq"), np.int16)
-        iq.attrs.update({"scale_factor": recording.scale_factor, "units": "mW0.5", "long_name": "raw samples"})
+            _dataset(file, "time", grid, recording.time, units, "time of the first snapshot")
+        samples = recording.sounder.waveform.samples
+        shape = (recording.azimuth.size, recording.elevation.size, recording.snapshots, samples, 2)
+        iq = file.create_dataset("iq", shape, np.int16)
+        _describe(iq, (*grid, "snapshot", "sample", "iq"), "mW0.5", "raw samples")
+        iq.attrs["scale_factor"] = recording.scale_factor
         for a, e in np.argwhere(recording.valid):
             captures = recording.captures(int(a), int(e))
             if captures.dtype != np.int16:
@@ -229,26 +221,27 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
 
 def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: Iterable[Path] = ()) -> None:
     """Write a back-to-back recording as a native file, whole or not at all."""
-    with atomic_path(target) as temporary, h5netcdf.File(temporary, "w") as file:
-        snapshots, samples = b2b.captures.shape[:2]
-        file.dimensions = {"snapshot": snapshots, "sample": samples, "iq": 2}
+    with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
         file.attrs.update(provenance("Back-to-back captures", history, inputs=inputs))
         file.attrs["kind"] = BACK_TO_BACK
         file.attrs["sounder"] = b2b.sounder.model_dump_json()
         file.attrs["attenuation"] = b2b.attenuation
         file.attrs["includes_tx_antenna"] = int(b2b.includes_tx_antenna)
-        iq = file.create_variable("iq", ("snapshot", "sample", "iq"), np.int16, data=b2b.captures)
-        iq.attrs.update({"scale_factor": b2b.scale_factor, "units": "mW0.5", "long_name": "raw samples"})
+        _dataset(file, "iq", ("snapshot", "sample", "iq"), b2b.captures, "mW0.5", "raw samples")
+        file["iq"].attrs["scale_factor"] = b2b.scale_factor
         if b2b.s21 is not None:
             frequency, s21 = b2b.s21
-            file.dimensions["attenuator_frequency"] = frequency.size
             parts = np.stack([s21.real, s21.imag], axis=-1)
-            _variable(file, "attenuator_frequency", ("attenuator_frequency",), frequency, "Hz", "frequency")
-            _variable(file, "attenuator_s21", ("attenuator_frequency", "iq"), parts, "1", "attenuator S21, re and im")
+            _dataset(file, "attenuator_frequency", ("frequency",), frequency, "Hz", "frequency")
+            _dataset(file, "attenuator_s21", ("frequency", "part"), parts, "1", "attenuator S21, real and imaginary")
 
 
-def _variable(
-    file: h5netcdf.File, name: str, dims: tuple[str, ...], data: NDArray[Any], units: str, long_name: str
-) -> None:
-    variable = file.create_variable(name, dims, data=data)
-    variable.attrs.update({"units": units, "long_name": long_name})
+def _dataset(file: h5py.File, name: str, dims: tuple[str, ...], data: NDArray[Any], units: str, long_name: str) -> None:
+    _describe(file.create_dataset(name, data=data), dims, units, long_name)
+
+
+def _describe(dataset: h5py.Dataset, dims: tuple[str, ...], units: str, long_name: str) -> None:
+    # Labels, no netCDF dimensions: the samples share their name with an axis, for which netCDF has no place.
+    for axis, label in enumerate(dims):
+        dataset.dims[axis].label = label
+    dataset.attrs.update({"units": units, "long_name": long_name})
