@@ -92,6 +92,9 @@ def test_a_line_of_sight_that_is_not_there_is_refused(tmp_path):
     scene = load_scene(written(tmp_path, NORTH.replace("position = [40, -5, 2]", "position = [40, -25, 2]")))
     with pytest.raises(DataError, match="A is not in line of sight of TX"):
         list(simulate(scene))
+    scene = load_scene(written(tmp_path, NORTH.replace("los = true", "los = false")))
+    with pytest.raises(DataError, match="A is in line of sight of TX"):
+        list(simulate(scene))
 
 
 def test_unknown_material_and_unsuited_attenuator_are_refused(tmp_path):
