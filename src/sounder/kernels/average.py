@@ -1,22 +1,21 @@
 """Correlation of captures with an m-sequence, and its averages over snapshots."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from erm.errors import DataError
 from sounder.kernels import finish, portable, simd, vector
+from sounder.kernels.captures import Averages, Captures, flat_captures
 from sounder.kernels.mls import permutations
 from sounder.kernels.tables import TAIL, State
 
 ORDERS = range(7, 16)
 SAMPLES_PER_CHIP = range(1, 5)
 BLOCK = 64  # captures converted at a time
-
-Captures = npt.NDArray[Any]
-Averages = tuple[npt.NDArray[np.complex64], npt.NDArray[np.float64]]
 
 
 class MSequenceCorrelator:
@@ -43,35 +42,44 @@ class MSequenceCorrelator:
                 f"sequence: order {found.order} at {samples_per_chip} samples a chip, expected order 7 to 15 "
                 "at 1 to 4; correlate with a template instead"
             )
+        self._chips = np.asarray(chips, np.int8)
         self.samples = found.input.size * samples_per_chip
         layout = vector if simd.available() and found.order in vector.ORDERS else portable
         self._tables = layout.tables(found, samples_per_chip)
         self._path = layout.path(found.order, samples_per_chip)
         self._new_state = partial(layout.state, self._tables)
+        self._idle: list[State] = []  # a state costs as much to make as 50 captures to average
+
+    def __reduce__(self) -> tuple[type, tuple[npt.NDArray[np.int8], int]]:
+        """Travel to other processes as the sequence; machine code stays at home."""
+        return MSequenceCorrelator, (self._chips, self._tables.samples_per_chip)
 
     def average(self, iq: Captures) -> Averages:
         """Average one direction: mean correlation, complex64 (sample,), and mean power, float64 (sample,)."""
         correlation = np.empty((1, self.samples), np.complex64)
         power = np.empty((1, self.samples))
-        self.average_directions(np.asarray(iq)[np.newaxis], correlation, power)
+        self._average(flat_captures(iq, self.samples, dims=2)[np.newaxis], correlation, power)
         return correlation[0], power[0]
 
     def average_directions(self, iq: Captures, correlation: Captures, power: Captures) -> None:
         """Average captures (direction, snapshot, ...) into the two given arrays (direction, sample)."""
-        x = flat_captures(iq, self.samples, dims=3)
+        self._average(flat_captures(iq, self.samples, dims=3), correlation, power)
+
+    def _average(self, x: Captures, correlation: Captures, power: Captures) -> None:
         if not x.shape[1]:
             raise DataError("captures: 0 snapshots in a direction, expected one or more; leave the direction out")
-        self._run(x, 0, self._new_state(), correlation, power)
+        with self._borrowed_state() as state:
+            self._run(x, 0, state, correlation, power)
 
     def correlate(self, iq: Captures) -> npt.NDArray[np.complex64]:
         """Correlate every capture by itself: complex64 (snapshot, sample)."""
         x = flat_captures(iq, self.samples, dims=2)
         out = np.empty((len(x), self.samples), np.complex64)
-        state = self._new_state()
-        for first in range(0, len(x), BLOCK):
-            block = x[first : first + BLOCK].astype(np.float32, copy=False)
-            block.flags.writeable = False
-            self._path.correlate_float32(block, self._tables, state, out[first : first + BLOCK])
+        with self._borrowed_state() as state:
+            for first in range(0, len(x), BLOCK):
+                block = x[first : first + BLOCK].astype(np.float32, copy=False)
+                block.flags.writeable = False
+                self._path.correlate_float32(block, self._tables, state, out[first : first + BLOCK])
         return out
 
     def correlate_mean(self, x: npt.ArrayLike) -> npt.NDArray[np.complex128]:
@@ -91,6 +99,16 @@ class MSequenceCorrelator:
         """Return empty sums that are fed in blocks."""
         return MSequenceAccumulator(self)
 
+    @contextmanager
+    def _borrowed_state(self) -> Iterator[State]:
+        """Lend a state to one thread; lists are safe to share."""
+        try:
+            state = self._idle.pop()
+        except IndexError:
+            state = self._new_state()
+        yield state
+        self._idle.append(state)
+
     def _run(self, x: Captures, seen: int, state: State, correlation: Captures, power: Captures) -> None:
         run = self._path.run_int16 if x.dtype == np.int16 else self._path.run_float32
         run(x, seen, self._tables, state, correlation, power)
@@ -107,7 +125,7 @@ class MSequenceAccumulator:
     def add(self, iq: Captures) -> None:
         """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
         samples = self._correlator.samples
-        x = flat_captures(np.asarray(iq)[np.newaxis], samples, dims=3)
+        x = flat_captures(iq, samples, dims=2)[np.newaxis]
         nowhere = np.empty((0, samples), np.complex64), np.empty((0, samples))
         self._correlator._run(x, self.count, self._state, *nowhere)
         self.count += x.shape[1]
@@ -121,28 +139,3 @@ class MSequenceAccumulator:
         nothing = flat_captures(np.empty((1, 0, samples, 2), np.int16), samples, dims=3)
         self._correlator._run(nothing, self.count, self._state, correlation, power)
         return correlation[0], power[0]
-
-
-def flat_captures(iq: Captures, samples: int, dims: int) -> Captures:
-    """View captures as flat I/Q numbers, int16 or float32, of the one array type that kernels are compiled
-    for.
-
-    Copies only what is not C-contiguous, aligned and of the machine's byte order already.
-    """
-    iq = np.asarray(iq)
-    is_complex = iq.dtype.kind == "c" and iq.dtype.itemsize == 8
-    if not is_complex and not (iq.dtype.kind == "i" and iq.dtype.itemsize == 2 and iq.shape[-1:] == (2,)):
-        raise DataError(
-            f"captures: {iq.dtype} of shape {iq.shape}, expected int16 (..., sample, 2) or complex64 "
-            "(..., sample); convert them"
-        )
-    shape = iq.shape if is_complex else iq.shape[:-1]
-    if len(shape) != dims or shape[-1] != samples:
-        raise DataError(
-            f"captures: shape {shape} before I and Q, expected {samples} samples in {dims} dimensions; "
-            "check order and samples a chip"
-        )
-    iq = np.require(iq, iq.dtype.newbyteorder("="), ["C", "A"])
-    flat = iq.view(np.float32) if is_complex else iq.reshape(*shape[:-1], 2 * samples)
-    flat.flags.writeable = False
-    return flat

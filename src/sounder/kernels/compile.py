@@ -83,7 +83,8 @@ def _candidates(name: str) -> Iterator[Path]:
         yield Path.home() / ".cache" / "sounder" / name
     # Directly in the (sticky) temporary directory, so that nobody can exchange what is in between.
     user = os.getuid() if hasattr(os, "getuid") else "user"
-    yield Path(tempfile.gettempdir()) / f"sounder-{user}-{name}"
+    with contextlib.suppress(FileNotFoundError):  # not even that; kernels are then compiled in every process
+        yield Path(tempfile.gettempdir()) / f"sounder-{user}-{name}"
 
 
 def _private(directory: Path) -> bool:

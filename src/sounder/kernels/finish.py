@@ -46,20 +46,22 @@ def mean_power(
     partial: Array, total: Array, count: int, spc: int, chip: int, stride: int, positions: Array, out: Array
 ) -> None:
     """Mean of |correlation|**2: sum I and Q, and the captures that share a stride."""
+    scale = 1.0 / count
     for k in range(positions.size):
         first = stride * positions[k]
         for c in range(spc):
             value = 0.0
             for p in range(first + 2 * c, first + stride, chip):
                 value += (total[p] + partial[p]) + (total[p + 1] + partial[p + 1])
-            out[spc * k + c] = value / count
+            out[spc * k + c] = value * scale
 
 
 @part
 def mean_capture(partial: Array, total: Array, count: int, out: Array) -> None:
     """Mean of the captures, in the precision of the transforms."""
+    scale = 1.0 / count
     for t in range(min(partial.size, out.size)):
-        out[t] = np.float32((total[t] + partial[t]) / count)
+        out[t] = np.float32((total[t] + partial[t]) * scale)
 
 
 @jit

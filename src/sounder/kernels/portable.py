@@ -128,12 +128,12 @@ def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> Non
     for i in range(x.shape[0]):
         for t in range(x.shape[1]):
             state.capture[t] = x[i, t]
-        for k in range(state.z.size):
-            state.z[k] = 0
         place(state.capture, state.sums, 0, tables, state.z)
         hadamard.walsh_hadamard(state.z, ROW)
         z = state.z.view(np.complex64)
         hadamard.unpermute(z, ROW // 2, tables.positions, spc, tables.polarity, out[i])
+        for k in range(state.z.size):
+            state.z[k] = 0
 
 
 def path(_order: int, _samples_per_chip: int) -> Path:

@@ -44,7 +44,7 @@ class State(NamedTuple):
     staged: Array  # int16, two captures, wrapped
     capture: Array  # float32, one capture, wrapped
     sums: Array  # float32, sums over the samples of a chip
-    z: Array  # float32, the transform
+    z: Array  # float32, the transform; where captures share rows, zero between calls
     power: Array  # float32, sum of squares of z since the last flush
     power_total: Array  # float64
     samples: Array  # int32, sum of the captures since the last flush
