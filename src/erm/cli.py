@@ -1,18 +1,14 @@
 """Command line: MPCs to a map, a map to its score, a map to the paths it predicts, the letter's tables."""
 
 import math
-import sys
-from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from erm import console
 from erm.errors import DataError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 app = typer.Typer(
     add_completion=False,
@@ -55,7 +51,7 @@ def reconstruct(
 
     table, complaints = read_mpcs(mpcs)
     if complaints and not table.sizes["mpc"]:
-        _complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
+        console.complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
     selected = select(table, threshold=threshold.value, max_reflection_loss=max_loss, ground_height=ground)
     environment, merged = merge_walls(selected, min_support=min_support)
     environment.write(out)
@@ -64,17 +60,17 @@ def reconstruct(
     if figure:
         from erm.figures import plot_map
 
-        _save(plot_map(environment, table=merged), figure)
+        console.save_figure(plot_map(environment, table=merged), figure)
     walls = environment.reflectors
     length = np.linalg.norm(walls["end_points"].values[:, 1] - walls["end_points"].values[:, 0], axis=-1)
     columns = [*(walls[name].values for name in ("normal", "offset")), length, walls["top"].values]
     rows = np.column_stack(columns)
-    _show(
+    console.show(
         ["wall", "normal [degree]", "offset [m]", "length [m]", "top [m]", "paths"],
         ([i, *map(_number, row), n] for i, (row, n) in enumerate(zip(rows, walls["support"].values, strict=True))),
     )
     print(f"{out}: {len(rows)} walls from {int(merged.accepted.sum())} of {table.sizes['mpc']} components")
-    _complain(complaints)
+    console.complain(complaints)
 
 
 @app.command()
@@ -121,8 +117,10 @@ def evaluate(
         for kind, summaries in result.get("points", {}).items():
             errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}
         names = ("count", "min", "max", "mean", "median", "std", "rmse")
-        _show(["error", *names], ([label, *(_number(row[name]) for name in names)] for label, row in errors.items()))
-    _complain(complaints)
+        console.show(
+            ["error", *names], ([label, *(_number(row[name]) for name in names)] for label, row in errors.items())
+        )
+    console.complain(complaints)
 
 
 @app.command()
@@ -148,7 +146,7 @@ def predict(
         sight = {"los": int(paths["los"].values.any()), "frequency": frequency}
         write_csv(make_table({**ends, **sight, **{name: paths[name].values for name in names}}), out)
     columns = (paths["delay"].values * 1e9, *(paths[name].values for name in names[1:]), paths["order"].values)
-    _show(
+    console.show(
         ["delay [ns]", "azimuth [degree]", "elevation [degree]", "path gain [dB]", "reflections"],
         ([*map(_number, row[:-1]), int(row[-1])] for row in zip(*columns, strict=True)),
     )
@@ -170,9 +168,9 @@ def letter(out: Annotated[Path, typer.Option(help="Folder for the tables and fig
     for name, text in texts.items():
         with atomic_path(out / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
-    _save(plot_letter_points().axes[0], out / "reflection_points.png")
-    _save(plot_error_cdf(published.errors()), out / "error_cdf.png")
-    _show(
+    console.save_figure(plot_letter_points().axes[0], out / "reflection_points.png")
+    console.save_figure(plot_error_cdf(published.errors()), out / "error_cdf.png")
+    console.show(
         ["scenario", "error", "printed [m]", "recomputed [m]"],
         ([e.scenario, e.statistic, _number(e.printed), _number(e.recomputed)] for e in entries),
     )
@@ -180,52 +178,13 @@ def letter(out: Annotated[Path, typer.Option(help="Folder for the tables and fig
 
 
 def main() -> None:
-    """Run the command line: exit with 0 if all is done, 1 if something in the data failed, 2 on wrong usage."""
-    try:
-        app()
-    except DataError as error:
-        print(error, file=sys.stderr)
-        raise SystemExit(1) from None
-
-
-def _show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table: ruled on a terminal, tab-separated in a pipe."""
-    cells = [[str(cell) for cell in row] for row in rows]
-    if not sys.stdout.isatty():
-        for row in [list(header), *cells]:
-            print("\t".join(row))
-        return
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(*header)
-    for row in cells:
-        table.add_row(*row)
-    Console().print(table)
+    """Entry point of ``erm``."""
+    console.run(app)
 
 
 def _number(value: float) -> str:
     """Return a count as it is, other numbers to the hundredth, nothing for NaN."""
     return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.2f}"
-
-
-def _complain(complaints: Sequence[str]) -> None:
-    """Say on stderr what failed, and exit with 1 if anything did."""
-    for complaint in complaints:
-        print(complaint, file=sys.stderr)
-    if complaints:
-        raise SystemExit(1)
-
-
-def _save(axes: "Axes", path: Path) -> None:
-    """Save the figure of some axes, whole or not at all."""
-    from erm.storage import atomic_path
-
-    try:
-        with atomic_path(path) as temporary:
-            axes.figure.savefig(temporary, dpi=160, bbox_inches="tight")  # type: ignore[union-attr] # no subfigure
-    except ValueError as error:
-        raise DataError(f"{path}: {error}") from None
 
 
 if __name__ == "__main__":

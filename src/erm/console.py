@@ -10,6 +10,7 @@ from erm.errors import DataError
 
 if TYPE_CHECKING:
     import typer
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -46,8 +47,8 @@ def complain(complaints: Sequence[str]) -> None:
         raise SystemExit(1)
 
 
-def save_figure(figure: "Figure", path: Path) -> None:
-    """Save a figure whole or not at all.
+def save_figure(drawn: "Figure | Axes", path: Path) -> None:
+    """Save a figure, or the figure of some axes, whole or not at all.
 
     Raises
     ------
@@ -58,6 +59,7 @@ def save_figure(figure: "Figure", path: Path) -> None:
 
     try:
         with atomic_path(path) as temporary:
+            figure = getattr(drawn, "figure", None) or drawn  # axes know their figure
             figure.savefig(temporary, dpi=160, bbox_inches="tight")
     except ValueError as error:
         raise DataError(f"{path}: {error}") from None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from erm.errors import DataError
+from erm.geometry import unit
 from erm.materials import LIBRARY, Material
 
 if TYPE_CHECKING:
@@ -108,12 +109,6 @@ def make_reflectors(
             for name, (dims, units, text) in VARIABLES.items()
         }
     )
-
-
-def unit(azimuth: ArrayLike) -> np.ndarray:
-    """Horizontal unit vectors (..., 2) of azimuths (...) [degree]."""
-    radians = np.radians(np.asarray(azimuth, dtype=float))
-    return np.stack([np.cos(radians), np.sin(radians)], axis=-1)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ MARKERS: dict[str, dict[str, Any]] = {
     "RP": {"marker": "x", "s": 26, "zorder": 4, "linewidths": 1.2},
 }
 CURVES = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+WIDE = 30.0  # times; medians further apart than this need a logarithmic axis
 MARGIN = 0.08  # share of the map's larger side left free around it
 
 
@@ -89,21 +90,25 @@ def plot_error_cdf(errors: Mapping[str, npt.ArrayLike], *, ax: "Axes | None" = N
     axes = ax or _new_axes((5.2, 3.8))
     for (label, values), colour in zip(errors.items(), CURVES, strict=False):
         ordered = np.sort(np.asarray(values, dtype=float))
-        share = np.arange(len(ordered) + 1) / max(len(ordered), 1)
+        steps = np.r_[ordered[:1], ordered]
         rmse = np.sqrt(np.mean(ordered**2)) if len(ordered) else np.nan
         axes.step(
-            np.r_[0.0, ordered],
-            share,
+            steps,
+            np.arange(len(steps)) / max(len(ordered), 1),
             where="post",
             color=colour,
-            label=f"{label} (n = {len(ordered)}, RMSE {rmse:.2f} m)",
+            label=f"{label} (n = {len(ordered)}, RMSE {rmse:.2g} m)",
         )
     axes.set_xlabel("error / m")
     axes.set_ylabel("share of reflection points")
     axes.set_ylim(0, 1.02)
-    axes.set_xlim(left=0)
+    typical = [float(np.median(values)) for values in errors.values() if np.size(values)]
+    if typical and max(typical) > WIDE * min(typical) > 0:  # side by side only a logarithm shows both
+        axes.set_xscale("log")
+    else:
+        axes.set_xlim(left=0)
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower right", frameon=False, fontsize="small")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize="small")
     return axes
 
 

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from erm import console
@@ -101,9 +99,9 @@ def _draw(
 ) -> None:
     """Draw map and error CDF, the letter's pairs of DAPS, and the figures of one position."""
     outline = outline_of(truth)
-    console.save_figure(_root(plot_map(environment, table=merged, outline=outline)), out / "map.png")
+    console.save_figure(plot_map(environment, table=merged, outline=outline), out / "map.png")
     accepted = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
-    console.save_figure(_root(plot_error_cdf(_errors(accepted, outline))), out / "error_cdf.png")
+    console.save_figure(plot_error_cdf(_errors(accepted, outline)), out / "error_cdf.png")
     advance()
     products = out.parent / "products"
     for first, second in OVERLAID:
@@ -113,13 +111,6 @@ def _draw(
         advance()
     draw_product(next(iter(sorted(products.glob("*.h5")))), out)
     advance()
-
-
-def _root(axes: Axes) -> Figure:
-    figure = axes.get_figure(root=True)
-    if figure is None:
-        raise ValueError("the axes belong to no figure")
-    return figure
 
 
 def _print(score: dict[str, float], out: Path, *, positions: int, mpcs: int) -> None:
