@@ -59,7 +59,9 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
 
     try:
         with atomic_path(path) as temporary:
-            figure = getattr(drawn, "figure", None) or drawn  # axes know their figure
+            figure = drawn.get_figure(root=True)
+            if figure is None:
+                raise DataError(f"{path}: axes without a figure cannot be saved")
             figure.savefig(temporary, dpi=160, bbox_inches="tight")
     except ValueError as error:
         raise DataError(f"{path}: {error}") from None

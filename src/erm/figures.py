@@ -102,7 +102,7 @@ def plot_error_cdf(errors: Mapping[str, npt.ArrayLike], *, ax: "Axes | None" = N
     axes.set_xlabel("error / m")
     axes.set_ylabel("share of reflection points")
     axes.set_ylim(0, 1.02)
-    typical = [float(np.median(values)) for values in errors.values() if np.size(values)]
+    typical = [float(np.median(np.asarray(values))) for values in errors.values() if np.size(values)]
     if typical and max(typical) > WIDE * min(typical) > 0:  # side by side only a logarithm shows both
         axes.set_xscale("log")
     else:

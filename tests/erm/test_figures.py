@@ -81,10 +81,15 @@ def test_an_empty_map_is_drawn():
 def test_the_error_curve_climbs_from_nothing_to_all():
     axes = plot_error_cdf({"here": [0.3, 0.1, 0.2], "nothing": []})
     x, y = axes.lines[0].get_data()
-    np.testing.assert_allclose(x, [0, 0.1, 0.2, 0.3])
+    np.testing.assert_allclose(x, [0.1, 0.1, 0.2, 0.3])  # no zero: the axis may be logarithmic
     np.testing.assert_allclose(y, [0, 1 / 3, 2 / 3, 1])
     assert axes.get_xlabel() == "error / m"
     assert "n = 3, RMSE 0.22 m" in axes.get_legend().get_texts()[0].get_text()
+
+
+def test_curves_of_unlike_size_share_a_logarithmic_axis():
+    assert plot_error_cdf({"fine": [0.001, 0.002], "coarse": [1.0, 2.0]}).get_xscale() == "log"
+    assert plot_error_cdf({"here": [0.1, 0.2], "there": [1.0, 2.0]}).get_xscale() == "linear"
 
 
 def test_the_letters_points_are_all_drawn_north_up():
