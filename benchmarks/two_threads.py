@@ -1,0 +1,39 @@
+"""Claim: on two threads the averages take at most twice as long as reading the same bytes on two threads."""
+
+from harness import conclude, interleaved, read, recording, sequence, table  # isort: skip
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from sounder.kernels.average import MSequenceCorrelator
+from sounder.kernels.directions import average_directions
+from sounder.kernels.reference import chip_template
+
+OURS, READ = "averages of directions, two threads", "reading only, two threads"
+
+
+def main() -> None:
+    chips = sequence(9)
+    iq = recording(chip_template(chips, 2), directions=32, snapshots=1000)  # 131 MB
+    correlator = MSequenceCorrelator(chips, 2)
+    pieces = np.split(iq.reshape(-1).view(np.int64), 8)
+    pool = ThreadPoolExecutor(2)
+    runs = {
+        OURS: lambda: average_directions(iq, correlator, threads=2),
+        READ: lambda: list(pool.map(read, pieces)),
+        "averages of directions, one thread": lambda: average_directions(iq, correlator, threads=1),
+        "reading only, one thread": lambda: read(iq.reshape(-1).view(np.int64)),
+    }
+    one, two = average_directions(iq, correlator, 1), average_directions(iq, correlator, 2)
+    if not all(np.array_equal(a, b) for a, b in zip(one, two, strict=True)):
+        raise SystemExit("one and two threads do not give the same bits")
+    times = interleaved(runs)
+    table(times, dict.fromkeys(runs, 32000), OURS)
+    pool.shutdown()
+    floor = times[OURS].wall / times[READ].wall
+    conclude("averages on two threads: within 2 times of reading the bytes (wall time)", 1 / floor, floor)
+
+
+if __name__ == "__main__":
+    main()
