@@ -108,7 +108,7 @@ def extract(
         OVER,
         np.array([cell, width_azimuth / 2, width_elevation]),
         MARGIN,
-        np.array([LEFTOVER, MARGIN * 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0]),
+        np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0]),
         PASSES,
         found,
     )

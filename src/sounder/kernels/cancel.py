@@ -82,9 +82,9 @@ def cancel(
         Delay [sample], azimuth and elevation [degree] within which two paths are one.
     margin : float
         How far the amplitude in a beam may exceed what the pattern predicts and still be that path's.
-    leftover : array (2,)
-        Amplitude under which what remains at a path's delay is its own remainder: relative to the path in that beam,
-        and in any beam, whose sidelobes may differ from the pattern.
+    leftover : array (3,)
+        Amplitude under which what remains at a path's delay is its own remainder: relative to the path in that beam;
+        and relative to the pattern in a beam's sidelobes, or to the third, the highest sidelobe, in its main lobe.
     passes : int
         Rounds of fitting all paths again, each against the others' remainder.
     found : array (capacity, COLUMNS)
@@ -356,7 +356,7 @@ def _mark(
         g = beam_amplitude(
             row[AZIMUTH], row[ELEVATION], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, pattern_floor
         )
-        level = (row[AMPLITUDE] * max(leftover[0] * g, leftover[1])) ** 2
+        level = (row[AMPLITUDE] * max(leftover[0] * g, leftover[1] * min(g, leftover[2]))) ** 2
         for k in range(centre - reach, centre + reach + 1):
             shape = abs(pulse_at(table, over, k - row[DELAY])) ** 2
             ghost[b, k % size] = max(ghost[b, k % size], level * shape)
