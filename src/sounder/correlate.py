@@ -1,8 +1,10 @@
 """Captures to calibrated channel impulse responses (CIR)."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -52,9 +54,14 @@ def impulse_responses(
     filter_: Deembedding,
     *,
     averaging: Averaging = "coherent",
+    threads: int | None = None,
     progress: Callable[[], None] | None = None,
 ) -> tuple[xr.Dataset, list[Problem]]:
     """Correlate, average and de-embed every direction of a recording.
+
+    Captures are read in blocks of about :data:`BLOCK` bytes, so that memory does not grow with the recording. A
+    direction is averaged by one thread from its first snapshot to its last: the result does not depend on the number
+    of threads, to the last bit.
 
     Parameters
     ----------
@@ -65,6 +72,8 @@ def impulse_responses(
         Over the snapshots of a direction: the mean; the mean after each snapshot's common phase is turned to the
         others' (for a drifting oscillator); or the root of the mean power with the phase of the coherent mean (for a
         channel that moves between snapshots).
+    threads : int, optional
+        Directions worked on at a time; default one a processor.
     progress : callable, optional
         Called after each direction.
 
@@ -72,7 +81,9 @@ def impulse_responses(
     -------
     dataset : xarray.Dataset
         ``cir`` (azimuth, elevation, delay), complex amplitude gain including the receive antenna, NaN where nothing
-        was recorded; ``delay`` is the propagation delay [s], modulo the sequence's period.
+        was recorded; ``delay`` is the propagation delay [s], modulo the sequence's period. With coherent averaging
+        also ``coherence`` (azimuth, elevation): the power that averaging kept at the strongest delay, over the mean
+        power there; 1 for a stable phase, one over the number of snapshots for a random one.
     problems : list of Problem
         Directions with all samples zero (left out) or clipped (used).
 
@@ -85,17 +96,23 @@ def impulse_responses(
     correlator = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip)
     shape = (recording.azimuth.size, recording.elevation.size)
     cir = np.full((*shape, waveform.samples), np.nan + 0j, np.complex64)
+    coherence = np.full(shape, np.nan)
     problems: list[Problem] = []
-    for e, a in np.argwhere(recording.valid.T):
-        captures = recording.captures(int(a), int(e))
-        problem = _health(captures)
-        if problem:
-            problems.append(Problem(float(recording.azimuth[a]), float(recording.elevation[e]), problem))
-        if problem != ZERO:
-            gain = 10 ** (-recording.agc_gain[a, e] / 20)
-            cir[a, e] = _direction(captures, correlator, filter_, averaging) * gain
-        if progress is not None:
-            progress()
+
+    def work(place: NDArray[np.intp]) -> Direction:
+        blocks = _Blocks(recording, int(place[1]), int(place[0]))
+        return AVERAGES[averaging](blocks, correlator, filter_)
+
+    with ThreadPoolExecutor(threads or processors()) as pool:
+        places = np.argwhere(recording.valid.T)
+        for (e, a), direction in zip(places, pool.map(work, places), strict=True):
+            if direction.problem:
+                problems.append(Problem(float(recording.azimuth[a]), float(recording.elevation[e]), direction.problem))
+            if direction.cir is not None:
+                cir[a, e] = direction.cir * 10 ** (-recording.agc_gain[a, e] / 20)
+                coherence[a, e] = direction.coherence
+            if progress is not None:
+                progress()
     if np.isnan(cir).all():
         raise DataError(f"{recording.source}: {recording.name}: all samples are zero; record the position again")
     dataset = xr.Dataset(
@@ -113,42 +130,103 @@ def impulse_responses(
         },
         attrs={"averaging": averaging, "snapshots": recording.snapshots},
     )
+    if averaging == "coherent":
+        dataset["coherence"] = (("azimuth", "elevation"), coherence, COHERENCE)
     return dataset, problems
 
 
+BLOCK = 2**20
+"""Samples read at a time, in bytes: they stay in the processor's second-level cache."""
 ZERO = "all samples are zero; left out"
 AZIMUTH = {"units": "degree", "long_name": "horn azimuth, counter-clockwise from east"}
 ELEVATION = {"units": "degree", "long_name": "horn elevation above the horizon"}
 DELAY = {"units": "s", "long_name": "propagation delay"}
+COHERENCE = {"units": "1", "long_name": "share of the power at the strongest delay kept by coherent averaging"}
 
 
-def _health(captures: Captures) -> str | None:
-    if not captures.any():
-        return ZERO
-    if captures.dtype == np.int16:
-        clipped = count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1)) / captures.size
-        if clipped > CLIPPED:
-            return f"{100 * clipped:.1f} % of the samples are clipped; lower the receiver gain"
-    return None
+def processors() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _direction(
-    captures: Captures, correlator: MSequenceCorrelator, filter_: Deembedding, averaging: Averaging
-) -> NDArray[np.complex128]:
-    """Averaged CIR of one direction, complex (sample,)."""
-    if averaging == "coherent":
-        return filter_.apply(correlator.average(captures)[0])
-    each = correlator.correlate(captures).astype(complex)
-    if averaging == "phase-aligned":
-        return filter_.apply(_aligned_mean(each))
-    responses = filter_.apply(each)
-    return np.sqrt(np.mean(np.abs(responses) ** 2, axis=0)) * np.exp(1j * np.angle(responses.mean(axis=0)))
+class Direction(NamedTuple):
+    """Averaged CIR of one direction, complex (sample,); None if there is no signal."""
+
+    cir: NDArray[np.complex128] | None
+    coherence: float
+    problem: str | None
 
 
-def _aligned_mean(each: NDArray[np.complex128]) -> NDArray[np.complex128]:
+class _Blocks:
+    """Captures of one direction in blocks; looks at their health when they first pass."""
+
+    def __init__(self, recording: Recording, azimuth: int, elevation: int) -> None:
+        self._recording = recording
+        self._place = (azimuth, elevation)
+        self.snapshots = recording.snapshots
+        self._step = max(BLOCK // (4 * recording.sounder.waveform.samples), 1)
+        self.signal = False
+        self._rails = 0
+        self._numbers = 0
+
+    def __iter__(self) -> Iterator[Captures]:
+        self._rails = self._numbers = 0
+        for first in range(0, self._recording.snapshots, self._step):
+            captures = self._recording.captures(*self._place, slice(first, first + self._step))
+            self.signal = self.signal or bool(captures.any())
+            if captures.dtype == np.int16:
+                self._rails += count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1))
+                self._numbers += captures.size
+            yield captures
+
+    @property
+    def problem(self) -> str | None:
+        """What is wrong with the captures that have passed."""
+        if not self.signal:
+            return ZERO
+        if self._rails > CLIPPED * self._numbers:
+            return f"{100 * self._rails / self._numbers:.1f} % of the samples are clipped; lower the receiver gain"
+        return None
+
+
+def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: Deembedding) -> Direction:
+    sums = correlator.accumulator()
+    for captures in blocks:
+        sums.add(captures)
+    if not blocks.signal:
+        return Direction(None, np.nan, ZERO)
+    mean, power = sums.result()
+    strongest = int(np.argmax(power))
+    coherence = float(np.abs(mean[strongest]) ** 2 / power[strongest])
+    return Direction(filter_.apply(mean), coherence, blocks.problem)
+
+
+def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: Deembedding) -> Direction:
     """Mean after turning each snapshot to the common phase, by its inner product with the mean so far."""
-    reference = each[0]
+    first = next(iter(blocks))
+    reference = correlator.correlate(first[:1])[0].astype(complex)
     for _ in range(2):  # the second pass aligns to the mean instead of one noisy snapshot
-        turn = np.exp(-1j * np.angle(each @ np.conj(reference)))
-        reference = (each * turn[:, None]).mean(axis=0)
-    return reference
+        total = np.zeros_like(reference)
+        for captures in blocks:
+            each = correlator.correlate(captures).astype(complex)
+            total += np.exp(-1j * np.angle(each @ np.conj(reference))) @ each
+        reference = total / blocks.snapshots
+    return Direction(filter_.apply(reference) if blocks.signal else None, np.nan, blocks.problem)
+
+
+def _power(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: Deembedding) -> Direction:
+    total = np.zeros(correlator.samples)
+    mean = np.zeros(correlator.samples, complex)
+    for captures in blocks:
+        responses = filter_.apply(correlator.correlate(captures))
+        total += np.sum(np.abs(responses) ** 2, axis=0)
+        mean += responses.sum(axis=0)
+    cir = np.sqrt(total / blocks.snapshots) * np.exp(1j * np.angle(mean))
+    return Direction(cir if blocks.signal else None, np.nan, blocks.problem)
+
+
+AVERAGES: dict[Averaging, Callable[[_Blocks, MSequenceCorrelator, Deembedding], Direction]] = {
+    "coherent": _coherent,
+    "phase-aligned": _phase_aligned,
+    "power": _power,
+}

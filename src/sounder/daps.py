@@ -53,7 +53,8 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
     xarray.Dataset
         ``daps`` (azimuth, elevation, delay), path gain including the receive antenna [dB]; ``noise_floor`` (azimuth,
         elevation) [dB]; ``pdp`` (delay), omnidirectional, antenna removed [dB]; ``pas`` (azimuth, elevation), power
-        over all delays above the noise floor [dB]. NaN where nothing was recorded.
+        over all delays above the noise floor [dB]; ``coherence`` (azimuth, elevation) where the CIRs have it. NaN
+        where nothing was recorded.
 
     References
     ----------
@@ -75,7 +76,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
     grid = ("azimuth", "elevation")
     # The scan adds the noise of all its beams; a sum that holds nothing has no level.
     pas = np.where(recorded, excess.sum(axis=-1), np.nan)
-    return xr.Dataset(
+    result = xr.Dataset(
         {
             "daps": ((*grid, "delay"), _db(power).astype(np.float32), _attrs("delay-angular power spectrum")),
             "noise_floor": (grid, _db(floor), _attrs("mean noise power")),
@@ -83,8 +84,11 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
             "pas": (grid, _db(pas), _attrs("power angular spectrum")),
         },
         coords=cir.coords,
-        attrs={"omnidirectional": omnidirectional, "rx_antenna_gain": pattern.gain},
+        attrs={**cir.attrs, "omnidirectional": omnidirectional, "rx_antenna_gain": pattern.gain},
     )
+    if "coherence" in cir:
+        result["coherence"] = cir["coherence"]
+    return result
 
 
 def _overlap(

@@ -107,21 +107,27 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
 
 
 def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Captures]:
-    """Map a contiguous dataset into memory at its place in the file; read any other through HDF5."""
+    """Map the captures asked for at their place in the file, if they lie in one piece; else read through HDF5.
+
+    Each call has a map of its own, so what has been read need not stay in memory.
+    """
     offset = iq.id.get_offset() if iq.chunks is None and iq.dtype.isnative else None
-    if offset is not None:
-        try:
-            mapped = np.memmap(path, np.int16, "r", offset, iq.shape)
-        except ValueError:
-            raise DataError(f"{path}: the file ends before its samples do; copy it again") from None
-        return lambda a, e, snapshots: mapped[a, e, snapshots]
+    shape = iq.shape
+    if offset is not None and path.stat().st_size < offset + iq.id.get_storage_size():
+        raise DataError(f"{path}: the file ends before its samples do; copy it again")
+
+    def mapped(a: int, e: int, snapshots: slice) -> Captures:
+        first, last, _ = snapshots.indices(shape[2])
+        capture = 2 * shape[3] * shape[4]
+        place = offset + ((a * shape[1] + e) * shape[2] + first) * capture
+        return np.memmap(path, np.int16, "r", place, (last - first, *shape[3:]))
 
     def read(a: int, e: int, snapshots: slice) -> Captures:
         with opened(path) as again:
             captures: Captures = again["iq"][a, e, snapshots]
             return captures
 
-    return read
+    return read if offset is None else mapped
 
 
 def back_to_back(path: Path) -> BackToBack:
