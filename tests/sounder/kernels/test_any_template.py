@@ -26,7 +26,7 @@ def rng():
 
 @pytest.mark.parametrize("length", [64, 839, 1021, 1022, 1024, 4000])
 @pytest.mark.parametrize("kind", ["int16", "complex64"])
-def test_agrees_with_float64(rng, length, kind):
+def test_agrees_with_float64(path, rng, length, kind):
     template = zadoff_chu(length)
     iq = rng.integers(-32768, 32768, (37, length, 2)).astype(np.int16)
     if kind == "complex64":
@@ -52,7 +52,7 @@ def test_zadoff_chu_has_one_peak_where_the_delay_is(rng):
     np.testing.assert_allclose(correlator.correlate_mean(delayed), expected, atol=1e-12 * length)
 
 
-def test_m_sequence_is_a_template_as_any_other(m_sequence, rng):
+def test_m_sequence_is_a_template_as_any_other(m_sequence, path, rng):
     chips = m_sequence(9)
     iq = rng.integers(-3000, 3000, (20, 1022, 2)).astype(np.int16)
     mean, power = MSequenceCorrelator(chips, 2).average(iq)
@@ -61,7 +61,7 @@ def test_m_sequence_is_a_template_as_any_other(m_sequence, rng):
     np.testing.assert_allclose(got_power, power, atol=OF_PEAK * power.max())
 
 
-def test_blocks_of_128_give_the_same_bits(rng):
+def test_blocks_of_128_give_the_same_bits(path, rng):
     correlator = TemplateCorrelator(zadoff_chu(1021))
     iq = rng.integers(-3000, 3000, (300, 1021, 2)).astype(np.int16)
     mean, power = correlator.average(iq)
