@@ -9,13 +9,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from erm.errors import DataError
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0)]
 
 
 class _Table(BaseModel):
-    """A TOML table: unknown keys are errors, values cannot change."""
+    """A TOML table: unknown keys are errors, numbers are finite, values cannot change."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Waveform(_Table):
@@ -57,11 +57,26 @@ class Waveform(_Table):
                 f"sample_rate is {self.sample_rate:g} Hz, but chip_rate x samples_per_chip is {expected:g} Hz"
             )
         exponents = sorted(set(self.polynomial), reverse=True)
-        if list(self.polynomial) != exponents or exponents[0] != self.order or exponents[-1] != 0:
+        if list(self.polynomial) != exponents or exponents[:1] != [self.order] or exponents[-1] != 0:
             raise ValueError(
                 f"polynomial is {list(self.polynomial)}; expected falling exponents from {self.order} (the order) to 0"
             )
+        if (period := _register_period(self.order, self.polynomial)) != self.chips:
+            raise ValueError(
+                f"polynomial is {list(self.polynomial)}, which is not primitive: its sequence repeats after {period} "
+                f"chips, not {self.chips}"
+            )
         return self
+
+
+def _register_period(order: int, polynomial: tuple[int, ...]) -> int:
+    """Steps after which the shift register of a polynomial is in its first state again."""
+    taps = sum(1 << exponent for exponent in polynomial if exponent < order)
+    state, steps = 1, 0
+    while steps == 0 or state != 1:
+        state = state >> 1 | ((state & taps).bit_count() & 1) << order - 1
+        steps += 1
+    return steps
 
 
 class Carrier(_Table):
