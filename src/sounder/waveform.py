@@ -22,17 +22,12 @@ def m_sequence(order: int, polynomial: tuple[int, ...]) -> NDArray[np.int8]:
     order : int
         Degree of the polynomial.
     polynomial : tuple of int
-        Its exponents, for example ``(9, 4, 0)``.
+        Its exponents, for example ``(9, 4, 0)``. It must be primitive, which a sounder description is held to.
 
     Returns
     -------
     array (2**order - 1,)
         Bits 0 and 1.
-
-    Raises
-    ------
-    DataError
-        The polynomial is not primitive, so the register repeats early.
 
     References
     ----------
@@ -43,13 +38,6 @@ def m_sequence(order: int, polynomial: tuple[int, ...]) -> NDArray[np.int8]:
     bits = [1] * order
     for n in range(length):
         bits.append(sum(bits[n + tap] for tap in taps) & 1)
-    states = np.zeros(length, np.int64)
-    for j in range(order):
-        states |= np.asarray(bits[j : j + length]) << j
-    if len(np.unique(states)) != length:
-        raise DataError(
-            f"waveform.polynomial {list(polynomial)} is not primitive: its sequence is shorter than {length} chips"
-        )
     return np.asarray(bits[:length], np.int8)
 
 
@@ -150,6 +138,8 @@ def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) ->
     ----------
     Golomb, Shift Register Sequences, 1967 (decimation); Massey, IEEE Trans. Inf. Theory 15, 1969 (polynomial).
     """
+    from scipy.fft import fft, ifft  # in single precision, which numpy's had not before its version 2
+
     factors = [
         (order, per_chip)
         for order in range(7, 16)
@@ -160,22 +150,24 @@ def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) ->
         raise DataError(f"{capture.size} samples are no period of an m-sequence of order 7-15 at 1-4 samples a chip")
     order, per_chip = factors[0]
     length = 2**order - 1
+    # The sum over a chip is its matched filter. Of its phases, the one that begins with the chips holds the most
+    # energy; decimating without the sum would alias noise.
+    sums = np.sum([np.roll(capture, -k) for k in range(per_chip)], axis=0).reshape(length, per_chip).T
+    spectrum = fft(sums[np.argmax(np.sum(np.abs(sums) ** 2, axis=1))].astype(np.complex64))
     base = m_sequence(order, PRIMITIVE[order])
-    # Decimating by samples_per_chip would alias noise; the sum over a chip is its matched filter, and the phases
-    # of the sum are searched as delays are.
-    summed = np.sum([np.roll(capture, -k) for k in range(per_chip)], axis=0).reshape(length, per_chip).T
-    spectra = np.fft.fft(summed)
+    base_spectrum = np.conj(fft(1.0 - 2.0 * base)).astype(np.complex64)
     index = np.arange(length)
     peaks: list[tuple[float, int, complex]] = []
     for decimation in _coset_leaders(order):
-        bits = base[(decimation * index) % length]
-        correlation = np.fft.ifft(spectra * np.conj(np.fft.fft(1.0 - 2.0 * bits)))
-        at = np.unravel_index(np.argmax(np.abs(correlation)), correlation.shape)
+        # Decimating a sequence by d decimates its spectrum by 1/d.
+        reference = base_spectrum[(pow(decimation, -1, length) * index) % length]
+        correlation = ifft(spectrum * reference)
+        at = np.argmax(np.abs(correlation))
         peaks.append((float(np.abs(correlation[at])), decimation, complex(correlation[at])))
     peaks.sort(key=lambda peak: -peak[0])
     (best, decimation, value), (second, *_) = peaks[:2]
     margin = 20 * np.log10(best / second) if second > 0 else 0.0
-    if margin < minimum_margin:
+    if not margin >= minimum_margin:  # NaN included
         raise DataError(
             f"no m-sequence of order {order} stands out: the best is {margin:.1f} dB over the next, "
             f"expected at least {minimum_margin:g} dB; is this a back-to-back capture?"
