@@ -12,7 +12,7 @@ Axis = Literal["position", "azimuth", "elevation", "direction", "snapshot", "sam
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Reference(_Table):
@@ -75,8 +75,16 @@ class Positions(_Table):
 
     tx: Points
     rx: Points
-    los: int | Reference | None = None
+    los: int | Reference = -1
     name: str = "RX{:02d}"
+
+    @model_validator(mode="after")
+    def _takes_number(self) -> Self:
+        try:
+            self.name.format(0)
+        except (LookupError, ValueError):
+            raise ValueError(f'name is "{self.name}"; expected text with {{}} in the number\'s place') from None
+        return self
 
 
 class Attenuated(Samples):
@@ -85,6 +93,12 @@ class Attenuated(Samples):
     attenuation: Number
     scale_factor: Number | None = None
     includes_tx_antenna: bool = False
+
+    @model_validator(mode="after")
+    def _one_connection(self) -> Self:
+        if extra := set(self.axes) - {"snapshot", "sample", "iq"}:
+            raise ValueError(f"axes of the back-to-back names {', '.join(sorted(extra))}")
+        return self
 
 
 class Layout(_Table):
@@ -95,7 +109,7 @@ class Layout(_Table):
 
     captures: Samples
     scale_factor: Number = 1.0
-    agc_gain: Number | None = None
+    agc_gain: Number = 0.0
     grid: Grid
     positions: Positions
     back_to_back: Attenuated | None = None

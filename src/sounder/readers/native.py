@@ -78,14 +78,13 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
         _require(file, path, ("iq", "azimuth", "elevation", "tx_position", "rx_position"))
         iq = file["iq"]
         shape = iq.shape
-        directions = shape[:2]
-        azimuth, elevation = file["azimuth"][:], file["elevation"][:]
-        if iq.ndim != 5 or iq.dtype != np.int16 or shape[4] != 2 or directions != (azimuth.size, elevation.size):
+        azimuth, elevation = (_rising(file, path, name) for name in ("azimuth", "elevation"))
+        directions = (azimuth.size, elevation.size)
+        if iq.ndim != 5 or iq.dtype != np.int16 or shape[4] != 2 or shape[:2] != directions:
             raise DataError(
                 f"{path}: iq is {iq.dtype} {shape}; expected int16 "
                 f"({azimuth.size} azimuths, {elevation.size} elevations, snapshot, sample, 2)"
             )
-
         recording = Recording(
             name=str(file.attrs.get("position", path.stem)),
             source=path,
@@ -93,17 +92,50 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
             azimuth=azimuth,
             elevation=elevation,
             snapshots=shape[2],
-            tx_position=file["tx_position"][:].reshape(3),
-            rx_position=file["rx_position"][:].reshape(3),
-            scale_factor=float(iq.attrs["scale_factor"]),
-            agc_gain=file["agc_gain"][:] if "agc_gain" in file else np.zeros(directions),
-            valid=file["valid"][:].astype(bool) if "valid" in file else np.ones(directions, bool),
+            tx_position=_sized(file, path, "tx_position", 3),
+            rx_position=_sized(file, path, "rx_position", 3),
+            scale_factor=_scale(iq, path),
+            agc_gain=_grid(file, path, "agc_gain", directions, 0.0),
+            valid=_grid(file, path, "valid", directions, 1.0) != 0,
             los=int(file.attrs.get("los", -1)),
-            time=file["time"][:] if "time" in file else None,
+            time=_grid(file, path, "time", directions, np.nan) if "time" in file else None,
             read=_reader(path, iq),
         )
     check(recording, shape[3])
+    if not np.isfinite(recording.agc_gain[recording.valid]).all():
+        raise DataError(f"{path}: agc_gain is not finite in every recorded direction")
     return [recording]
+
+
+def _rising(file: h5py.File, path: Path, name: str) -> NDArray[np.float64]:
+    values: NDArray[np.float64] = file[name][()].astype(float).reshape(-1)
+    if not values.size or not np.isfinite(values).all() or (np.diff(values) <= 0).any():
+        raise DataError(f"{path}: {name} does not rise; expected finite values in rising order")
+    return values
+
+
+def _sized(file: h5py.File, path: Path, name: str, size: int) -> NDArray[np.float64]:
+    values: NDArray[np.float64] = file[name][()].astype(float).reshape(-1)
+    if values.size != size:
+        raise DataError(f"{path}: {name} has {values.size} numbers; expected {size}")
+    return values
+
+
+def _grid(file: h5py.File, path: Path, name: str, shape: tuple[int, int], default: float) -> NDArray[np.float64]:
+    """Values of each direction; the default where the file holds none."""
+    values = file[name][()].astype(float) if name in file else np.full(shape, default)
+    if values.shape != shape:
+        raise DataError(f"{path}: {name} has shape {values.shape}; expected (azimuth, elevation), {shape}")
+    return values
+
+
+def _scale(iq: h5py.Dataset, path: Path) -> float:
+    scale = float(iq.attrs.get("scale_factor", np.nan))
+    if not 0 < scale < np.inf:
+        raise DataError(
+            f"{path}: iq has the attribute scale_factor {scale:g}; expected the positive amplitude of one LSB"
+        )
+    return scale
 
 
 def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Captures]:
@@ -123,9 +155,12 @@ def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Capture
         return np.memmap(path, np.int16, "r", place, (last - first, *shape[3:]))
 
     def read(a: int, e: int, snapshots: slice) -> Captures:
-        with opened(path) as again:
-            captures: Captures = again["iq"][a, e, snapshots]
-            return captures
+        try:
+            with opened(path) as again:
+                captures: Captures = again["iq"][a, e, snapshots]
+                return captures
+        except OSError as error:
+            raise DataError(f"{path}: iq cannot be read ({error}); copy the file again") from None
 
     return read if offset is None else mapped
 
@@ -144,16 +179,29 @@ def back_to_back(path: Path) -> BackToBack:
                 f"{path}: not a back-to-back recording; make one with the attenuator in the antennas' place"
             )
         _require(file, path, ("iq",))
-        measured = "attenuator_s21" in file
+        iq = file["iq"]
+        if iq.ndim != (2 if iq.dtype.kind == "c" else 3) or (iq.ndim == 3 and iq.shape[2] != 2):
+            raise DataError(f"{path}: iq is {iq.dtype} {iq.shape}; expected int16 (snapshot, sample, 2)")
+        attenuation = float(file.attrs.get("attenuation", np.nan))
+        if not np.isfinite(attenuation):
+            raise DataError(f"{path}: no attribute attenuation; expected the loss of the attenuator in dB")
         return BackToBack(
             source=path,
             sounder=_description(file, path),
-            captures=file["iq"][:],
-            scale_factor=float(file["iq"].attrs["scale_factor"]),
-            attenuation=float(file.attrs["attenuation"]),
-            s21=(file["attenuator_frequency"][:], file["attenuator_s21"][:] @ [1, 1j]) if measured else None,
+            captures=iq[()],
+            scale_factor=_scale(iq, path),
+            attenuation=attenuation,
+            s21=_attenuator(file, path) if "attenuator_s21" in file else None,
             includes_tx_antenna=bool(file.attrs.get("includes_tx_antenna", 0)),
         )
+
+
+def _attenuator(file: h5py.File, path: Path) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    _require(file, path, ("attenuator_frequency",))
+    frequency, s21 = _rising(file, path, "attenuator_frequency"), file["attenuator_s21"][()]
+    if s21.shape != (frequency.size, 2):
+        raise DataError(f"{path}: attenuator_s21 has shape {s21.shape}; expected ({frequency.size}, 2)")
+    return frequency, s21 @ [1, 1j]
 
 
 def _require(file: h5py.File, path: Path, names: Iterable[str]) -> None:
