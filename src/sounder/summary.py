@@ -48,7 +48,8 @@ def describe_recording(recording: Recording) -> Lines:
         if power == 0:
             zeros += 1
             continue
-        levels.append(10 * np.log10(power * (1 if captures.dtype.kind == "c" else 2)))
+        parts = 1 if captures.dtype.kind == "c" else 2
+        levels.append(10 * np.log10(power * parts) - recording.agc_gain[a, e])
         if captures.dtype == np.int16:
             rails.append(count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1)) / captures.size)
     clipped = sum(fraction > CLIPPED for fraction in rails)
