@@ -48,7 +48,8 @@ def extract(
 
     Standard deviations are those of the least-squares fits, with the larger of the noise power and the fit's own
     residual as variance; for the delay ``std = sqrt(P / 2) / (a 2 pi B)``, the Cramer-Rao form with the RMS bandwidth
-    ``B`` of the pulse, and ``P`` the noise or what the fit left around the path.
+    ``B`` of the pulse, the path's amplitude ``a`` in its beam, and ``P`` the noise or what the fit left around the
+    path.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def extract(
         known.
     """
     azimuth, elevation = cir["azimuth"].values, cir["elevation"].values
-    beams = np.ascontiguousarray(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), dtype=np.complex64)
+    beams = np.array(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64, order="C")
     noise = noise_power(np.abs(beams) ** 2).astype(float)
     looks = np.stack([grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")], axis=-1).astype(float)
     pattern = Pattern.of(sounder.rx_antenna)
@@ -172,6 +173,7 @@ def _table(
     earliest = distance / c - DIRECT_GUARD
     delay = earliest + (delay - earliest) % period
     amplitude = found[:, kernel.AMPLITUDE]
+    in_beam = amplitude * found[:, kernel.OFF_BORESIGHT]
     around = np.maximum(noise[found[:, kernel.BEAM].astype(int)], found[:, kernel.LEFT_OVER])
     columns = {
         "delay": (delay, "s", "propagation delay"),
@@ -187,7 +189,7 @@ def _table(
             "path gain, antennas removed",
         ),
         "delay_std": (
-            np.sqrt(around / 2) / (amplitude * 2 * np.pi * _rms_bandwidth(filter_)),
+            np.sqrt(around / 2) / (in_beam * 2 * np.pi * _rms_bandwidth(filter_)),
             "s",
             "standard deviation of delay",
         ),

@@ -38,6 +38,8 @@ pattern's amplitude from that beam toward it."""
 COLUMNS = 10
 CLEARLY = 0.25
 """Residual power, relative to that of a fit from the beam's own direction, at which a fit from outside the fan wins."""
+SURELY = 8.0
+"""By how much, in units of the noise power, it must be smaller besides: 4 standard deviations of the magnitudes."""
 
 
 @jit
@@ -264,7 +266,8 @@ def _fit(
     result = np.empty(6)
     best = inside = np.inf
     # Beyond the edge of the fan the pattern's floor makes further minima: start from several angles, the beam's own
-    # first. One outside must fit clearly better: interference must not turn a weak path into a strong one out there.
+    # first. One outside must fit clearly and surely better: neither interference nor noise must turn a weak path into
+    # a strong one out there.
     outward = 1 if e == n_elevations - 1 else -1
     starts = 10 if free[1] and (e == n_elevations - 1 or e == 0) else 1
     for start_ in range(starts):
@@ -286,7 +289,7 @@ def _fit(
         )
         if start_ == 0:
             inside = cost
-        if start_ == 0 or (cost < best and cost < CLEARLY * inside):
+        if start_ == 0 or (cost < best and cost < CLEARLY * inside and cost < inside - SURELY * noise[b]):
             best = cost
             row[AZIMUTH : AMPLITUDE_STD + 1] = result
     row[DELAY] = delay
