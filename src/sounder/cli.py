@@ -1,5 +1,6 @@
 """Command line of the sounder: from raw captures to impulse responses, DAPS and MPCs."""
 
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -92,7 +93,7 @@ def info(
     if layout is None:
         console.show(["what", "value"], summary.describe_file(file))
         return
-    from sounder.pipeline import open_file
+    from sounder.intake import open_file
 
     recordings, b2b = open_file(file, layout=layout, sounder=sounder)
     failures = [str(item) for item in recordings if isinstance(item, DataError)]
@@ -112,7 +113,7 @@ def convert(
     sounder: Description = None,
 ) -> None:
     """Convert a recording to the native format."""
-    from sounder.pipeline import convert_file
+    from sounder.convert import convert_file
 
     with console.progress("converting", 1):
         outcome = convert_file(file, out, layout=layout, sounder=sounder)
@@ -136,20 +137,28 @@ def process(
         Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of the beams, or strongest beam.")
     ] = Omnidirectional.sum,
     keep_cir: Annotated[bool, typer.Option("--keep-cir", help="Keep the impulse responses in the product.")] = False,
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads a process; default one a processor.")] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine, a position each.")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Running dask scheduler (tcp://host:port); goes before --workers.")
+    ] = None,
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
-    from sounder import pipeline
+    from sounder.intake import gather
+    from sounder.pipeline import Options, process
 
-    options = pipeline.Options(
+    options = Options(
         averaging=averaging.value,
         threshold=threshold.value,
         omnidirectional=omnidirectional.value,
         keep_cir=keep_cir,
     )
-    jobs, outcome = pipeline.gather(recordings, calibration=calibration, layout=layout, sounder=sounder)
-    total = sum(int(job.recording.valid.sum()) for job in jobs)
-    with console.progress(f"processing {len(jobs)} positions", total) as advance:
-        pipeline.process(jobs, out, options=options, outcome=outcome, progress=advance)
+    jobs, failures = gather(recordings, calibration=calibration, layout=layout, sounder=sounder)
+    with console.progress("processing positions", len(jobs)) as advance:
+        outcome = process(
+            jobs, out, options=options, threads=threads, workers=workers, scheduler=scheduler, progress=advance
+        )
+    outcome.failures[:0] = failures
     _report(outcome, out, "products")
 
 
@@ -181,8 +190,6 @@ def figures(
 
 
 def _report(outcome: "Outcome", out: Path, what: str) -> None:
-    import sys
-
     print(f"{out}: {len(outcome.products)} {what}")
     for note in outcome.notes:
         print(f"note: {note}", file=sys.stderr)

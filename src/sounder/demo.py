@@ -18,7 +18,8 @@ from erm.outline import outline_of
 from erm.reconstruct import reconstruct
 from erm.select import select
 from sounder import shipped
-from sounder.pipeline import gather, process
+from sounder.intake import gather
+from sounder.pipeline import process
 from sounder.report import draw_overlay, draw_product
 from sounder.scene import load_scene
 from sounder.simulate import simulate_campaign
@@ -52,11 +53,11 @@ def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     loaded = load_scene(scene or shipped.scene("uma.toml"))
     with console.progress("simulating positions", len(loaded.receivers)) as advance:
         recordings = simulate_campaign(loaded, out, progress=advance)
-    jobs, outcome = gather(recordings, calibration=out / "back-to-back.h5")
-    with console.progress("processing directions", sum(int(job.recording.valid.sum()) for job in jobs)) as advance:
-        process(jobs, out / "products", outcome=outcome, progress=advance)
-    if outcome.failures:
-        raise DataError("; ".join(outcome.failures))
+    jobs, failures = gather(recordings, calibration=out / "back-to-back.h5")
+    with console.progress("processing positions", len(jobs)) as advance:
+        outcome = process(jobs, out / "products", progress=advance)
+    if failures or outcome.failures:
+        raise DataError("; ".join(failures + outcome.failures))
     table, complaints = read_mpcs(outcome.products)
     environment, merged = reconstruct(select(table))
     environment.write(out / "map.geojson")

@@ -1,7 +1,7 @@
 """Recordings to products: each position on its own, what fails is named and the rest is done."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,16 +11,15 @@ import xarray as xr
 
 from erm.errors import DataError
 from erm.storage import provenance, write_product
-from sounder import layout as layouts
-from sounder import shipped
 from sounder.calibration import Deembedding
-from sounder.config import load
 from sounder.correlate import Averaging, Problem, calibrate, impulse_responses
 from sounder.daps import Omnidirectional, daps
+from sounder.intake import Job
 from sounder.mpc import Threshold, extract
-from sounder.readers import layout as foreign
-from sounder.readers import native, open_recordings
-from sounder.recording import BackToBack, Recording
+from sounder.recording import Recording
+
+INCOHERENT = 0.5
+"""Share of the strongest direction's power kept by coherent averaging under which a note is made."""
 
 
 @dataclass(frozen=True)
@@ -51,127 +50,39 @@ class Outcome:
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-
-@dataclass(frozen=True)
-class Job:
-    """A recording and the back-to-back it is calibrated with."""
-
-    recording: Recording
-    b2b: BackToBack
+    def add(self, other: "Outcome") -> None:
+        """Add what became of another part of the batch."""
+        self.products += other.products
+        self.failures += other.failures
+        self.notes += other.notes
 
 
-def gather(
-    paths: Sequence[Path],
-    *,
-    calibration: Path | None = None,
-    layout: Path | None = None,
-    sounder: Path | None = None,
-) -> tuple[list[Job], Outcome]:
-    """Open recordings and find the back-to-back of each.
+class Targets:
+    """File names for positions in one folder; no two positions get the same, none its own input's."""
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files, one or many positions each.
-    calibration : Path, optional
-        Native back-to-back file; goes before one inside a recording file.
-    layout : Path, optional
-        How the files are laid out, for foreign ones.
-    sounder : Path, optional
-        Sounder description; default for foreign files is the shipped one, for native ones their own.
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._taken: dict[Path, Path] = {}
 
-    Returns
-    -------
-    jobs : list of Job
-    outcome : Outcome
-        With the failures so far.
+    def claim(self, recording: Recording, name: str | None = None) -> Path:
+        """Name the file of a position, after the position unless a name is given.
 
-    Raises
-    ------
-    DataError
-        The calibration, the layout or the description cannot be used, so nothing can.
-    """
-    outcome = Outcome()
-    b2b = None if calibration is None else native.back_to_back(calibration)
-    jobs: list[Job] = []
-    for path in paths:
-        try:
-            found, inside = open_file(path, layout=layout, sounder=sounder)
-            if (own := b2b or inside) is None:
-                raise DataError(f"{path}: no back-to-back capture; pass one with --calibration")
-        except DataError as error:
-            outcome.failures.append(str(error))
-            continue
-        for item in found:
-            if isinstance(item, DataError):
-                outcome.failures.append(str(item))
-            else:
-                jobs.append(Job(item, own))
-    return jobs, outcome
-
-
-def open_file(
-    path: Path, *, layout: Path | None = None, sounder: Path | None = None
-) -> tuple[Sequence[Recording | DataError], BackToBack | None]:
-    """Open a recording file, native or foreign.
-
-    Returns
-    -------
-    recordings : sequence of Recording or DataError
-        One a position; what cannot be used stands as its error.
-    b2b : BackToBack or None
-        Where a foreign file holds one.
-
-    Raises
-    ------
-    DataError
-        The file, the layout or the description cannot be used.
-    """
-    described = None if sounder is None else load(sounder)
-    if layout is None:
-        return open_recordings(path, described), None
-    plan = layouts.load(layout)
-    base = described or load(shipped.calibration("sounder-132ghz.toml"))
-    return foreign.recordings(path, plan, base), foreign.back_to_back(path, plan, base)
-
-
-def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: Path | None = None) -> Outcome:
-    """Write the positions of a file as native recordings, and the back-to-back it holds as a native one.
-
-    Parameters
-    ----------
-    path : Path
-        File in any readable format.
-    out : Path
-        A ``.h5`` file for one position and nothing else; otherwise a folder.
-
-    Returns
-    -------
-    Outcome
-
-    Raises
-    ------
-    DataError
-        The file cannot be read, or holds more than one file can take.
-    """
-    found, b2b = open_file(path, layout=layout, sounder=sounder)
-    outcome = Outcome(failures=[str(item) for item in found if isinstance(item, DataError)])
-    recordings = [item for item in found if not isinstance(item, DataError)]
-    single = out.suffix == ".h5"
-    if single and (len(recordings) > 1 or b2b is not None):
-        raise DataError(f"{path}: holds {len(recordings)} positions and more; pass a folder as --out, not {out}")
-    taken: dict[Path, Path] = {}
-    for recording in recordings:
-        try:
-            target = _free(out, recording) if single else _target(recording, out, taken)
-            native.write_recording(recording, target, history="sounder convert")
-        except DataError as error:
-            outcome.failures.append(str(error))
-        else:
-            outcome.products.append(target)
-    if b2b is not None:
-        native.write_back_to_back(b2b, out / "back-to-back.h5", history="sounder convert", inputs=[path])
-    return outcome
+        Raises
+        ------
+        DataError
+            Another position has the name, or the file is the recording itself.
+        """
+        name = name or re.sub(r"[^\w.+-]+", "_", recording.name).strip("._") or recording.source.stem
+        target = self._out / f"{name}.h5"
+        if target in self._taken:
+            raise DataError(
+                f"{recording.source}: position {recording.name} was already read from {self._taken[target]}; "
+                "give the positions different names or process them into different folders"
+            )
+        if target.exists() and target.samefile(recording.source):
+            raise DataError(f"{recording.source}: the output would replace its input; choose another --out")
+        self._taken[target] = recording.source
+        return target
 
 
 def process(
@@ -179,60 +90,107 @@ def process(
     out: Path,
     *,
     options: Options | None = None,
-    outcome: Outcome | None = None,
+    threads: int | None = None,
+    workers: int = 1,
+    scheduler: str | None = None,
     progress: Callable[[], None] | None = None,
 ) -> Outcome:
     """Process recordings into one product a position.
 
+    The products are the same, to the last byte, for any number of threads and workers.
+
     Parameters
     ----------
     jobs : sequence of Job
-        From :func:`gather`.
+        From :func:`sounder.intake.gather`.
     out : Path
         Folder of the products, named after the positions.
     options : Options, optional
-    outcome : Outcome, optional
-        From :func:`gather`; added to.
+    threads : int, optional
+        Directions worked on at a time in one process; default one a processor.
+    workers : int
+        Processes on this machine, by dask.
+    scheduler : str, optional
+        Address of a running dask scheduler, such as ``tcp://host:8786``; its workers must see the same files.
     progress : callable, optional
-        Called after each direction.
+        Called after each position.
 
     Returns
     -------
     Outcome
+        In the order of the jobs.
+
+    Raises
+    ------
+    DataError
+        The dask scheduler cannot be reached, or dask is not installed.
     """
     options = options or Options()
-    outcome = outcome or Outcome()
-    filters: dict[tuple[int, str, float], Deembedding] = {}
-    taken: dict[Path, Path] = {}
+    targets = Targets(out)
+    outcome = Outcome()
+    pairs: list[tuple[Job, Path]] = []
     for job in jobs:
-        recording = job.recording
-        key = (id(job.b2b), recording.sounder.model_dump_json(), recording.scale_factor)
         try:
-            target = _target(recording, out, taken)
-            if key not in filters:
-                filters[key] = calibrate(job.b2b, recording)
-            groups, problems = position(recording, filters[key], options, progress=progress)
-            groups["/"].attrs.update(_origin(job, options))
-            write_product(groups, target)
+            pairs.append((job, targets.claim(job.recording)))
         except DataError as error:
             outcome.failures.append(str(error))
-            continue
-        outcome.products.append(target)
-        outcome.failures.extend(
-            f"{recording.source}: {recording.name}: azimuth {p.azimuth:g}, elevation {p.elevation:g}: {p.what}"
-            for p in problems
+    parts: Iterable[Outcome]
+    if workers > 1 or scheduler is not None:
+        from sounder.cluster import run  # distributed is optional and slow to import
+
+        parts = run(pairs, options, workers=workers, threads=threads, scheduler=scheduler)
+    else:
+        filters = Filters()
+        parts = (process_position(job, target, options, filters=filters, threads=threads) for job, target in pairs)
+    for part in parts:
+        outcome.add(part)
+        if progress is not None:
+            progress()
+    return outcome
+
+
+class Filters:
+    """De-embedding filters made so far; the positions of a campaign share one."""
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[Path, str, float], Deembedding] = {}
+
+    def of(self, job: Job) -> Deembedding:
+        """Return the filter of a job, made when it is first asked for."""
+        recording = job.recording
+        key = (job.b2b.source, recording.sounder.model_dump_json(), recording.scale_factor)
+        if key not in self._made:
+            self._made[key] = calibrate(job.b2b, recording)
+        return self._made[key]
+
+
+def process_position(
+    job: Job, target: Path, options: Options, *, filters: Filters, threads: int | None = None
+) -> Outcome:
+    """Process one position into its product; what is wrong with it is told, not raised."""
+    recording = job.recording
+    try:
+        groups, problems = position(recording, filters.of(job), options, threads=threads)
+        groups["/"].attrs.update(_origin(job, options))
+        write_product(groups, target)
+    except DataError as error:
+        return Outcome(failures=[str(error)])
+    who = f"{recording.source}: {recording.name}"
+    outcome = Outcome(products=[target])
+    outcome.failures += [f"{who}: azimuth {p.azimuth:g}, elevation {p.elevation:g}: {p.what}" for p in problems]
+    if recording.missing:
+        outcome.notes.append(_missing(recording, who))
+    kept = _coherence(groups["/daps"])
+    if kept < INCOHERENT:
+        outcome.notes.append(
+            f"{who}: coherent averaging keeps {100 * kept:.0f} % of the strongest direction's power; "
+            "the phase drifts between snapshots: try --averaging phase-aligned"
         )
-        if recording.missing:
-            outcome.notes.append(_missing(recording))
     return outcome
 
 
 def position(
-    recording: Recording,
-    filter_: Deembedding,
-    options: Options,
-    *,
-    progress: Callable[[], None] | None = None,
+    recording: Recording, filter_: Deembedding, options: Options, *, threads: int | None = None
 ) -> tuple[dict[str, xr.Dataset], list[Problem]]:
     """Process one position.
 
@@ -248,7 +206,7 @@ def position(
     DataError
         Nothing in the recording can be used.
     """
-    cir, problems = impulse_responses(recording, filter_, averaging=options.averaging, progress=progress)
+    cir, problems = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
     distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
     groups = {
         "/": _root(recording, problems),
@@ -260,14 +218,21 @@ def position(
     return groups, problems
 
 
+def _coherence(daps_: xr.Dataset) -> float:
+    """Coherence of the direction with the most power; 1 where it was not measured."""
+    if "coherence" not in daps_:
+        return 1.0
+    strongest = int(np.nanargmax(daps_["daps"].max("delay").values))
+    return float(daps_["coherence"].values.flat[strongest])
+
+
 def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
-    metres = {"units": "m"}
     return xr.Dataset(
         {
             f"{end}_position": (
                 ("position", "xyz"),
                 getattr(recording, f"{end}_position")[None],
-                {**metres, "long_name": f"{end.upper()} position, east, north, up"},
+                {"units": "m", "long_name": f"{end.upper()} position, east, north, up"},
             )
             for end in ("tx", "rx")
         },
@@ -287,31 +252,12 @@ def _origin(job: Job, options: Options) -> dict[str, Any]:
     return provenance("Processed captures of one position", "sounder process", inputs=sources, options=vars(options))
 
 
-def _target(recording: Recording, out: Path, taken: dict[Path, Path]) -> Path:
-    name = re.sub(r"[^\w.+-]+", "_", recording.name).strip("._") or recording.source.stem
-    target = out / f"{name}.h5"
-    if target in taken:
-        raise DataError(
-            f"{recording.source}: position {recording.name} was already read from {taken[target]}; "
-            "give the positions different names or process them into different folders"
-        )
-    taken[target] = recording.source
-    return _free(target, recording)
-
-
-def _free(target: Path, recording: Recording) -> Path:
-    """Refuse to replace the input."""
-    if target.exists() and target.samefile(recording.source):
-        raise DataError(f"{recording.source}: the output would replace its input; choose another --out")
-    return target
-
-
-def _missing(recording: Recording) -> str:
+def _missing(recording: Recording, who: str) -> str:
     missing = recording.missing
     shown = ", ".join(f"({a:g}, {e:g})" for a, e in missing[:3])
     more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+    wanted = len(recording.sounder.scan.azimuth) * len(recording.sounder.scan.elevation)
     return (
-        f"{recording.source}: {recording.name}: {len(missing)} of "
-        f"{len(recording.sounder.scan.azimuth) * len(recording.sounder.scan.elevation)} directions missing: "
-        f"(azimuth, elevation) {shown}{more}; processed without them"
+        f"{who}: {len(missing)} of {wanted} directions missing: (azimuth, elevation) {shown}{more}; "
+        "processed without them"
     )

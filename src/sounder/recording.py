@@ -121,7 +121,7 @@ def check(recording: Recording, samples: int) -> None:
     Raises
     ------
     DataError
-        The sample count is not the description's, a position is not finite, or TX and RX coincide.
+        The sample count is not the description's, a position is not finite, TX and RX coincide, or there is no capture.
     """
     who = f"{recording.source}: {recording.name}" if recording.name else str(recording.source)
     waveform = recording.sounder.waveform
@@ -131,6 +131,8 @@ def check(recording: Recording, samples: int) -> None:
             f"{waveform.samples} (order {waveform.order}, {waveform.samples_per_chip} samples a chip); "
             "pass --sounder or re-export the recording"
         )
+    if recording.snapshots < 1:
+        raise DataError(f"{who}: no snapshot; expected at least one capture a direction")
     for label, position in (("tx_position", recording.tx_position), ("rx_position", recording.rx_position)):
         if not np.isfinite(position).all():
             raise DataError(f"{who}: {label} is {position.tolist()}; expected three finite metres")

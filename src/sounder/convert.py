@@ -1,0 +1,49 @@
+"""Recordings in any readable format to native ones."""
+
+from pathlib import Path
+
+from erm.errors import DataError
+from sounder.intake import open_file
+from sounder.pipeline import Outcome, Targets
+from sounder.readers import native
+
+
+def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: Path | None = None) -> Outcome:
+    """Write the positions of a file as native recordings, and the back-to-back it holds as a native one.
+
+    Parameters
+    ----------
+    path : Path
+        File in any readable format.
+    out : Path
+        A ``.h5`` file for one position and nothing else; otherwise a folder.
+    layout, sounder : Path, optional
+        As for :func:`sounder.intake.gather`.
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, or holds more than one file can take.
+    """
+    found, b2b = open_file(path, layout=layout, sounder=sounder)
+    outcome = Outcome(failures=[str(item) for item in found if isinstance(item, DataError)])
+    recordings = [item for item in found if not isinstance(item, DataError)]
+    single = out.suffix == ".h5"
+    if single and (len(recordings) > 1 or b2b is not None):
+        raise DataError(f"{path}: holds {len(recordings)} positions and more; pass a folder as --out, not {out}")
+    targets = Targets(out.parent if single else out)
+    for recording in recordings:
+        try:
+            target = targets.claim(recording, name=out.stem if single else None)
+            native.write_recording(recording, target, history="sounder convert")
+        except DataError as error:
+            outcome.failures.append(str(error))
+        else:
+            outcome.products.append(target)
+    if b2b is not None:
+        native.write_back_to_back(b2b, out / "back-to-back.h5", history="sounder convert", inputs=[path])
+    return outcome
