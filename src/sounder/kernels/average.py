@@ -75,11 +75,12 @@ class MSequenceCorrelator:
         """Correlate every capture by itself: complex64 (snapshot, sample)."""
         x = flat_captures(iq, self.samples, dims=2)
         out = np.empty((len(x), self.samples), np.complex64)
+        flat = out.view(np.float32)
         with self._borrowed_state() as state:
             for first in range(0, len(x), BLOCK):
                 block = x[first : first + BLOCK].astype(np.float32, copy=False)
                 block.flags.writeable = False
-                self._path.correlate_float32(block, self._tables, state, out[first : first + BLOCK])
+                self._path.correlate_float32(block, self._tables, state, flat[first : first + BLOCK])
         return out
 
     def correlate_mean(self, x: npt.ArrayLike) -> npt.NDArray[np.complex128]:
@@ -92,7 +93,7 @@ class MSequenceCorrelator:
         wrapped = np.concatenate([vector, vector[: TAIL // 2]]).view(np.float64)
         sums, z = np.empty(2 * self.samples), np.zeros(2 * (self.samples + self._tables.samples_per_chip))
         out = np.empty(self.samples, np.complex128)
-        finish.correlate_one(wrapped, sums, z, self._tables, out)
+        finish.correlate_one(wrapped, sums, z, self._tables, out.view(np.float64))
         return out
 
     def accumulator(self) -> "MSequenceAccumulator":
@@ -111,7 +112,7 @@ class MSequenceCorrelator:
 
     def _run(self, x: Captures, seen: int, state: State, correlation: Captures, power: Captures) -> None:
         run = self._path.run_int16 if x.dtype == np.int16 else self._path.run_float32
-        run(x, seen, self._tables, state, correlation, power)
+        run(x, seen, self._tables, state, correlation.view(np.float32), power)
 
 
 class MSequenceAccumulator:

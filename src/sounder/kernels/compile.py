@@ -18,6 +18,7 @@ import os
 import platform
 import stat
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -33,6 +34,8 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 # width chosen by the compiler within a build.
 SETTINGS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
 
+_setting = threading.Lock()
+
 
 def jit(function: Kernel) -> Kernel:
     """Compile an entry point: releases the GIL, cached on disk when any directory can be written.
@@ -42,12 +45,13 @@ def jit(function: Kernel) -> Kernel:
     directory = cache_directory()
     if directory is None:
         return numba.njit(**SETTINGS)(function)
-    chosen = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(directory)
-    try:
-        return numba.njit(cache=True, no_cfunc_wrapper=True, **SETTINGS)(function)
-    finally:
-        numba.config.CACHE_DIR = chosen
+    with _setting:
+        chosen = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(directory)
+        try:
+            return numba.njit(cache=True, no_cfunc_wrapper=True, **SETTINGS)(function)
+        finally:
+            numba.config.CACHE_DIR = chosen
 
 
 def part(function: Kernel) -> Kernel:

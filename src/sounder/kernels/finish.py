@@ -71,4 +71,4 @@ def correlate_one(e: Array, u: Array, z: Array, tables: Tables, out: Array) -> N
     chip_sums(e, spc, u)
     scatter(u.view(np.complex128), tables.rows, spc, spc, 0, z.view(np.complex128))
     walsh_hadamard(z, 2 * spc)
-    unpermute(z.view(np.complex128), spc, tables.delays, spc, tables.polarity, out)
+    unpermute(z, 2 * spc, tables.delays, spc, tables.polarity, out)

@@ -77,9 +77,10 @@ def walsh_hadamard(z: Array, row: int) -> None:
 
 
 @part
-def unpermute(z: Array, stride: int, delays: Array, spc: int, scale: float, out: Array) -> None:
-    """Read chip k, spc complex numbers, from row ``delays[k]`` of z."""
-    for k in range(delays.size):
-        p = stride * delays[k]
-        for c in range(spc):
-            out[spc * k + c] = scale * z[p + c]
+def unpermute(z: Array, stride: int, positions: Array, spc: int, scale: float, out: Array) -> None:
+    """Read the chip of delay k, 2*spc numbers, at ``stride * positions[k]``."""
+    width = 2 * spc
+    for k in range(positions.size):
+        p = stride * positions[k]
+        for c in range(width):
+            out[width * k + c] = scale * z[p + c]

@@ -61,7 +61,7 @@ def _means(count: int, tables: Tables, state: State, correlation: Array, power: 
     finish.mean_capture(state.samples, state.samples_total, count, state.capture)
     place(state.capture, state.sums, 0, tables, state.z)
     hadamard.walsh_hadamard(state.z, ROW)
-    hadamard.unpermute(state.z.view(np.complex64), ROW // 2, positions, spc, tables.polarity, correlation)
+    hadamard.unpermute(state.z, ROW, positions, spc, tables.polarity, correlation)
     for k in range(state.z.size):
         state.z[k] = 0
 
@@ -71,7 +71,7 @@ def run_int16(x: Array, seen: int, tables: Tables, state: State, correlation: Ar
     """Add captures (direction, capture, number), flat I/Q, to the sums; write averages where there is room.
 
     With ``seen`` zero, every direction begins anew; else ``seen`` captures were added before. The averages of
-    a direction are written if ``correlation``, complex64 (direction, sample), and ``power`` have a row for
+    a direction are written if ``correlation``, flat I/Q (direction, number), and ``power`` have a row for
     it.
     """
     slots = ROW // tables.chip
@@ -123,15 +123,14 @@ def run_float32(x: Array, seen: int, tables: Tables, state: State, correlation: 
 
 @jit
 def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> None:
-    """Correlate every capture (capture, number): complex64 (capture, sample)."""
+    """Correlate every capture (capture, number), flat I/Q in and out."""
     spc = tables.samples_per_chip
     for i in range(x.shape[0]):
         for t in range(x.shape[1]):
             state.capture[t] = x[i, t]
         place(state.capture, state.sums, 0, tables, state.z)
         hadamard.walsh_hadamard(state.z, ROW)
-        z = state.z.view(np.complex64)
-        hadamard.unpermute(z, ROW // 2, tables.positions, spc, tables.polarity, out[i])
+        hadamard.unpermute(state.z, ROW, tables.positions, spc, tables.polarity, out[i])
         for k in range(state.z.size):
             state.z[k] = 0
 

@@ -1,4 +1,4 @@
-"""Vector instructions, as functions for compiled code; the only file that writes LLVM.
+"""Vector instructions, as functions for compiled code; only this file and `simd_fft` write LLVM.
 
 All work on vectors of 16 numbers, 64 bytes, an AVX-512 register, and take addresses. A ``row`` is such a
 vector; what the rows mean is `vector`'s affair. `available` tells whether this processor has what they need.
@@ -18,8 +18,7 @@ from numba.extending import intrinsic
 
 LINE = 64
 LANES = 16
-I8, I16, I32, I64 = ir.IntType(8), ir.IntType(16), ir.IntType(32), ir.IntType(64)
-F32 = ir.FloatType()
+I8, I16, I32, I64, F32 = ir.IntType(8), ir.IntType(16), ir.IntType(32), ir.IntType(64), ir.FloatType()
 FLOATS = ir.VectorType(F32, LANES)
 SHORTS = ir.VectorType(I16, 2 * LANES)
 FUSED = ("contract",)
@@ -33,27 +32,28 @@ def available() -> bool:
     """Tell whether the processor has AVX-512 and ``SOUNDER_PORTABLE_KERNELS`` does not forbid to use it."""
     if os.environ.get("SOUNDER_PORTABLE_KERNELS", "0") not in ("", "0"):
         return False
-    features = llvm.get_host_cpu_features()
-    return all(features.get(name, False) for name in NEEDED)
+    return all(llvm.get_host_cpu_features().get(name, False) for name in NEEDED)
 
 
 def _int(value: int) -> Value:
     return ir.Constant(I64, value)
 
 
-def _load(b: Builder, address: Value, offset: int, kind: Any, align: int) -> Value:
-    pointer = b.inttoptr(b.add(address, _int(offset)), kind.as_pointer())
-    loaded = b.load(pointer)
+def load(b: Builder, address: Value, offset: int, kind: Any, align: int) -> Value:
+    """Load a vector from an address plus a number of bytes."""
+    loaded = b.load(b.inttoptr(b.add(address, _int(offset)), kind.as_pointer()))
     loaded.align = align
     return loaded
 
 
-def _store(b: Builder, value: Value, address: Value, offset: int, align: int = LINE) -> None:
+def store(b: Builder, value: Value, address: Value, offset: int, align: int = LINE) -> None:
+    """Store a vector to an address plus a number of bytes."""
     stored = b.store(value, b.inttoptr(b.add(address, _int(offset)), value.type.as_pointer()))
     stored.align = align
 
 
-def _shuffle(b: Builder, x: Value, y: Value, lanes: Sequence[int]) -> Value:
+def shuffle(b: Builder, x: Value, y: Value, lanes: Sequence[int]) -> Value:
+    """Choose numbers of two vectors, counted through both."""
     mask = ir.Constant(ir.VectorType(I32, len(lanes)), [ir.Constant(I32, lane) for lane in lanes])
     return b.shuffle_vector(x, y, mask)
 
@@ -62,15 +62,17 @@ def _join(b: Builder, parts: Sequence[Value]) -> Value:
     """Put vectors behind one another."""
     while len(parts) > 1:
         width = range(2 * parts[0].type.count)
-        parts = [_shuffle(b, x, y, width) for x, y in zip(parts[::2], parts[1::2], strict=True)]
+        parts = [shuffle(b, x, y, width) for x, y in zip(parts[::2], parts[1::2], strict=True)]
     return parts[0]
 
 
-def _add(b: Builder, x: Value, y: Value) -> Value:
+def add(b: Builder, x: Value, y: Value) -> Value:
+    """Add vectors of floats or of integers."""
     return b.fadd(x, y, flags=FUSED) if x.type == FLOATS else b.add(x, y)
 
 
-def _subtract(b: Builder, x: Value, y: Value) -> Value:
+def subtract(b: Builder, x: Value, y: Value) -> Value:
+    """Subtract vectors of floats or of integers."""
     return b.fsub(x, y, flags=FUSED) if x.type == FLOATS else b.sub(x, y)
 
 
@@ -81,7 +83,7 @@ def _walsh_hadamard(b: Builder, rows: Sequence[Value]) -> list[Value]:
     while half < len(a):
         for start in range(0, len(a), 2 * half):
             for k in range(start, start + half):
-                a[k], a[k + half] = _add(b, a[k], a[k + half]), _subtract(b, a[k], a[k + half])
+                a[k], a[k + half] = add(b, a[k], a[k + half]), subtract(b, a[k], a[k + half])
         half *= 2
     return a
 
@@ -97,9 +99,9 @@ def _walsh_hadamard_lanes(b: Builder, rows: Sequence[Value], chip: int) -> list[
     lanes = range(2 * LANES // chip)
     low = [chip * lane + i for lane in lanes if not lane & len(rows) // 2 for i in range(chip)]
     high = [chip * lane + i for lane in lanes if lane & len(rows) // 2 for i in range(chip)]
-    parted = [(_shuffle(b, x, y, low), _shuffle(b, x, y, high)) for x, y in zip(rows[::2], rows[1::2], strict=True)]
-    sums = [_add(b, x, y) for x, y in parted]
-    differences = [_subtract(b, x, y) for x, y in parted]
+    parted = [(shuffle(b, x, y, low), shuffle(b, x, y, high)) for x, y in zip(rows[::2], rows[1::2], strict=True)]
+    sums = [add(b, x, y) for x, y in parted]
+    differences = [subtract(b, x, y) for x, y in parted]
     return _walsh_hadamard_lanes(b, sums, chip) + _walsh_hadamard_lanes(b, differences, chip)
 
 
@@ -117,19 +119,19 @@ def _chip_row(b: Builder, chips: Sequence[Value]) -> Value:
     """Sum the two samples of each of four chips: int16 (I, Q) x 4 samples from the chip on, to a row of 16 int32."""
     order = [8 * k + i for k in range(4) for i in (0, 2, 1, 3, 2, 4, 3, 5)]
     samples = _join(b, chips)
-    return _pair_sums(b, _shuffle(b, samples, samples, order), ONES)
+    return _pair_sums(b, shuffle(b, samples, samples, order), ONES)
 
 
 def _gathered(b: Builder, base: Value, offsets: Value, row: int, per_row: int, kind: Any, scale: int) -> list[Value]:
     """Load the chips of a row, each from ``base`` plus ``scale`` times its offset (uint32)."""
     chips = []
     for lane in range(per_row):
-        offset = b.zext(_load(b, offsets, 4 * (per_row * row + lane), I32, 4), I64)
-        chips.append(_load(b, b.add(base, b.mul(offset, _int(scale))), 0, kind, 2))
+        offset = b.zext(load(b, offsets, 4 * (per_row * row + lane), I32, 4), I64)
+        chips.append(load(b, b.add(base, b.mul(offset, _int(scale))), 0, kind, 2))
     return chips
 
 
-def _procedure(emit: Callable[..., None], addresses: int, *literals: Any) -> tuple[Any, Callable[..., Value]]:
+def procedure(emit: Callable[..., None], addresses: int, *literals: Any) -> tuple[Any, Callable[..., Value]]:
     """Make what numba asks of an intrinsic that takes ``literals``, known to ``emit`` already, and then addresses."""
     signature = types.void(*literals, *[types.intp] * addresses)
 
@@ -156,9 +158,9 @@ def gather_samples(_context: Any, rows: Any, samples: Any, offsets: Any, z: Any)
         kind = ir.VectorType(I16, 8)
         chips = [_chip_row(b, _gathered(b, samples, offsets, row, 4, kind, 1)) for row in range(16)]
         for i, row in enumerate(_walsh_hadamard(b, chips)):
-            _store(b, b.sitofp(row, FLOATS), z, LINE * rows.literal_value * i)
+            store(b, b.sitofp(row, FLOATS), z, LINE * rows.literal_value * i)
 
-    return _procedure(emit, 3, rows)
+    return procedure(emit, 3, rows)
 
 
 @intrinsic(prefer_literal=True)
@@ -173,9 +175,9 @@ def gather_chips(_context: Any, chip: Any, rows: Any, sums: Any, offsets: Any, z
         kind = ir.VectorType(F32, width)
         gathered = [_gathered(b, sums, offsets, i, LANES // width, kind, 2) for i in range(first_radix(width))]
         for i, row in enumerate(_walsh_hadamard(b, [_join(b, chips) for chips in gathered])):
-            _store(b, row, z, LINE * rows.literal_value * i)
+            store(b, row, z, LINE * rows.literal_value * i)
 
-    return _procedure(emit, 3, chip, rows)
+    return procedure(emit, 3, chip, rows)
 
 
 def upper_radix(rows: int) -> int:
@@ -187,9 +189,9 @@ def upper_radix(rows: int) -> int:
 
 
 def _transform_in_place(b: Builder, z: Value, radix: int, stride: int) -> None:
-    rows = [_load(b, z, LINE * stride * i, FLOATS, LINE) for i in range(radix)]
+    rows = [load(b, z, LINE * stride * i, FLOATS, LINE) for i in range(radix)]
     for i, row in enumerate(_walsh_hadamard(b, rows)):
-        _store(b, row, z, LINE * stride * i)
+        store(b, row, z, LINE * stride * i)
 
 
 @intrinsic(prefer_literal=True)
@@ -200,7 +202,7 @@ def upper_rows(_context: Any, rows: Any, z: Any) -> Any:
         radix = upper_radix(rows.literal_value)
         _transform_in_place(b, z, radix, rows.literal_value // radix)
 
-    return _procedure(emit, 1, rows)
+    return procedure(emit, 1, rows)
 
 
 @intrinsic(prefer_literal=True)
@@ -210,12 +212,12 @@ def lower_rows(_context: Any, rows: Any, z: Any) -> Any:
     def emit(b: Builder, z: Value) -> None:
         _transform_in_place(b, z, rows.literal_value // 8 // upper_radix(rows.literal_value), 8)
 
-    return _procedure(emit, 1, rows)
+    return procedure(emit, 1, rows)
 
 
 def _last_rows(b: Builder, z: Value, chip: int) -> list[Value]:
     """Transform 8 neighbouring rows, and then over the chips within each row."""
-    rows = _walsh_hadamard(b, [_load(b, z, LINE * i, FLOATS, LINE) for i in range(8)])
+    rows = _walsh_hadamard(b, [load(b, z, LINE * i, FLOATS, LINE) for i in range(8)])
     size = LANES // chip
     return [row for k in range(0, 8, size) for row in _walsh_hadamard_lanes(b, rows[k : k + size], chip)]
 
@@ -226,9 +228,9 @@ def last_rows(_context: Any, chip: Any, z: Any) -> Any:
 
     def emit(b: Builder, z: Value) -> None:
         for i, row in enumerate(_last_rows(b, z, chip.literal_value)):
-            _store(b, row, z, LINE * i)
+            store(b, row, z, LINE * i)
 
-    return _procedure(emit, 1, chip)
+    return procedure(emit, 1, chip)
 
 
 @intrinsic(prefer_literal=True)
@@ -237,19 +239,19 @@ def last_rows_power(_context: Any, chip: Any, z: Any, power: Any) -> Any:
 
     def emit(b: Builder, z: Value, power: Value) -> None:
         for i, row in enumerate(_last_rows(b, z, chip.literal_value)):
-            total = _load(b, power, LINE * i, FLOATS, LINE)
-            _store(b, _add(b, b.fmul(row, row, flags=FUSED), total), power, LINE * i)
+            total = load(b, power, LINE * i, FLOATS, LINE)
+            store(b, add(b, b.fmul(row, row, flags=FUSED), total), power, LINE * i)
 
-    return _procedure(emit, 2, chip)
+    return procedure(emit, 2, chip)
 
 
 def _add_two(b: Builder, x: Value, y: Value, sums: Value) -> None:
     """Add 32 int16 of x and of y to 32 int32 sums, which are kept in the order of `sum_order`."""
     for half in range(2):
         lanes = [8 * lane + 4 * half + k for lane in range(4) for k in range(4)]
-        pairs = _shuffle(b, x, y, [i for lane in lanes for i in (lane, 2 * LANES + lane)])
-        total = _load(b, sums, LINE * half, ir.VectorType(I32, LANES), LINE)
-        _store(b, b.add(total, _pair_sums(b, pairs, ONES)), sums, LINE * half)
+        pairs = shuffle(b, x, y, [i for lane in lanes for i in (lane, 2 * LANES + lane)])
+        total = load(b, sums, LINE * half, ir.VectorType(I32, LANES), LINE)
+        store(b, b.add(total, _pair_sums(b, pairs, ONES)), sums, LINE * half)
 
 
 def sum_order(position: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -263,12 +265,12 @@ def copy_two(_context: Any, x: Any, y: Any, to_x: Any, to_y: Any, sums: Any) -> 
     """Copy 32 int16 of each of two captures, and add both to the sums."""
 
     def emit(b: Builder, x: Value, y: Value, to_x: Value, to_y: Value, sums: Value) -> None:
-        from_x, from_y = _load(b, x, 0, SHORTS, 2), _load(b, y, 0, SHORTS, 2)
-        _store(b, from_x, to_x, 0)
-        _store(b, from_y, to_y, 0)
+        from_x, from_y = load(b, x, 0, SHORTS, 2), load(b, y, 0, SHORTS, 2)
+        store(b, from_x, to_x, 0)
+        store(b, from_y, to_y, 0)
         _add_two(b, from_x, from_y, sums)
 
-    return _procedure(emit, 5)
+    return procedure(emit, 5)
 
 
 @intrinsic
@@ -280,13 +282,13 @@ def copy_two_ends(_context: Any, x: Any, y: Any, to_x: Any, to_y: Any, sums: Any
         ends = []
         for source, target in ((x, to_x), (y, to_y)):
             # The load begins four numbers early rather than read beyond the recording.
-            early = _load(b, source, -8, SHORTS, 2)
-            end = _shuffle(b, early, zeros, [*range(4, 32), 32, 33, 34, 35])
-            _store(b, end, target, 0)
+            early = load(b, source, -8, SHORTS, 2)
+            end = shuffle(b, early, zeros, [*range(4, 32), 32, 33, 34, 35])
+            store(b, end, target, 0)
             ends.append(end)
         _add_two(b, ends[0], ends[1], sums)
 
-    return _procedure(emit, 5)
+    return procedure(emit, 5)
 
 
 @intrinsic
@@ -299,4 +301,4 @@ def prefetch(_context: Any, address: Any) -> Any:
         read, near, data = ir.Constant(I32, 0), ir.Constant(I32, 3), ir.Constant(I32, 1)
         b.call(function, [b.inttoptr(address, I8.as_pointer()), read, near, data])
 
-    return _procedure(emit, 1)
+    return procedure(emit, 1)

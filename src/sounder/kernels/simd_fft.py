@@ -10,10 +10,9 @@ from typing import Any
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from sounder.kernels.simd import FLOATS, FUSED, I32, LANES, LINE, _load, _procedure, _shuffle, _store
+from sounder.kernels.simd import F32, FLOATS, FUSED, I32, LANES, LINE, add, load, procedure, shuffle, store, subtract
 
 ROW = 2 * LINE
-F32 = ir.FloatType()
 
 Builder = Any
 Value = Any
@@ -24,21 +23,13 @@ def _everywhere(number: float) -> Value:
     return ir.Constant(FLOATS, [ir.Constant(F32, number)] * LANES)
 
 
-def _add(b: Builder, x: Value, y: Value) -> Value:
-    return b.fadd(x, y, flags=FUSED)
-
-
-def _subtract(b: Builder, x: Value, y: Value) -> Value:
-    return b.fsub(x, y, flags=FUSED)
-
-
 def _times(b: Builder, x: Value, y: Value) -> Value:
     return b.fmul(x, y, flags=FUSED)
 
 
 def _multiply(b: Builder, x: Complex, y: Complex, sign: int = 1) -> Complex:
     """Multiply x with y, or with its conjugate where ``sign`` is -1."""
-    plus, minus = (_add, _subtract) if sign > 0 else (_subtract, _add)
+    plus, minus = (add, subtract) if sign > 0 else (subtract, add)
     return (
         minus(b, _times(b, x[0], y[0]), _times(b, x[1], y[1])),
         plus(b, _times(b, x[1], y[0]), _times(b, x[0], y[1])),
@@ -50,16 +41,16 @@ def _butterfly(b: Builder, e: Complex, o: Complex, angle: float) -> tuple[Comple
     c, s = cos(angle), sin(angle)
     if abs(c) >= abs(s):
         scale, t = _everywhere(c), _everywhere(s / c)
-        real = _subtract(b, o[0], _times(b, o[1], t))
-        imaginary = _add(b, o[1], _times(b, o[0], t))
+        real = subtract(b, o[0], _times(b, o[1], t))
+        imaginary = add(b, o[1], _times(b, o[0], t))
     else:
         scale, t = _everywhere(s), _everywhere(c / s)
-        real = _subtract(b, _times(b, o[0], t), o[1])
-        imaginary = _add(b, _times(b, o[1], t), o[0])
+        real = subtract(b, _times(b, o[0], t), o[1])
+        imaginary = add(b, _times(b, o[1], t), o[0])
     real, imaginary = _times(b, real, scale), _times(b, imaginary, scale)
     return (
-        (_add(b, e[0], real), _add(b, e[1], imaginary)),
-        (_subtract(b, e[0], real), _subtract(b, e[1], imaginary)),
+        (add(b, e[0], real), add(b, e[1], imaginary)),
+        (subtract(b, e[0], real), subtract(b, e[1], imaginary)),
     )
 
 
@@ -75,8 +66,8 @@ def _fft(b: Builder, rows: Sequence[Complex], sign: int) -> list[Complex]:
         if 4 * k == length:
             o = (_negative(b, o[1]), o[0]) if sign > 0 else (o[1], _negative(b, o[0]))
         if k == 0 or 4 * k == length:
-            result[k] = _add(b, e[0], o[0]), _add(b, e[1], o[1])
-            result[k + length // 2] = _subtract(b, e[0], o[0]), _subtract(b, e[1], o[1])
+            result[k] = add(b, e[0], o[0]), add(b, e[1], o[1])
+            result[k + length // 2] = subtract(b, e[0], o[0]), subtract(b, e[1], o[1])
         else:
             result[k], result[k + length // 2] = _butterfly(b, e, o, sign * 2 * pi * k / length)
     return result
@@ -95,8 +86,8 @@ def _transpose(b: Builder, rows: Sequence[Value]) -> list[Value]:
         for k in range(LANES):
             if not k & step:
                 a[k], a[k | step] = (
-                    _shuffle(b, a[k], a[k | step], low),
-                    _shuffle(b, a[k], a[k | step], high),
+                    shuffle(b, a[k], a[k | step], low),
+                    shuffle(b, a[k], a[k | step], high),
                 )
     return a
 
@@ -107,19 +98,19 @@ def _transpose_complex(b: Builder, rows: Sequence[Complex]) -> list[Complex]:
 
 
 def _load_row(b: Builder, address: Value, offset: int) -> Complex:
-    return _load(b, address, offset, FLOATS, LINE), _load(b, address, offset + LINE, FLOATS, LINE)
+    return load(b, address, offset, FLOATS, LINE), load(b, address, offset + LINE, FLOATS, LINE)
 
 
 def _store_row(b: Builder, row: Complex, address: Value, offset: int) -> None:
-    _store(b, row[0], address, offset)
-    _store(b, row[1], address, offset + LINE)
+    store(b, row[0], address, offset)
+    store(b, row[1], address, offset + LINE)
 
 
 def _constant(b: Builder, address: Value, offset: int) -> Complex:
     """Load one complex number to all places of a row."""
     one = ir.VectorType(F32, 1)
-    real, imaginary = _load(b, address, offset, one, 4), _load(b, address, offset + 4, one, 4)
-    return _shuffle(b, real, real, [0] * LANES), _shuffle(b, imaginary, imaginary, [0] * LANES)
+    real, imaginary = load(b, address, offset, one, 4), load(b, address, offset + 4, one, 4)
+    return shuffle(b, real, real, [0] * LANES), shuffle(b, imaginary, imaginary, [0] * LANES)
 
 
 def _first_pass(b: Builder, rows: Sequence[Complex], z: Value, twiddles: Value) -> None:
@@ -137,12 +128,12 @@ def first_pass_int16(_context: Any, samples: Any, z: Any, twiddles: Any) -> Any:
         sixteen = ir.Constant(words, [ir.Constant(I32, 16)] * LANES)
         rows = []
         for h in range(8):
-            word = _load(b, samples, 1024 * h, words, 4)
+            word = load(b, samples, 1024 * h, words, 4)
             real = b.sitofp(b.ashr(b.shl(word, sixteen), sixteen), FLOATS)
             rows.append((real, b.sitofp(b.ashr(word, sixteen), FLOATS)))
         _first_pass(b, rows, z, twiddles)
 
-    return _procedure(emit, 3)
+    return procedure(emit, 3)
 
 
 @intrinsic
@@ -152,11 +143,11 @@ def first_pass_float32(_context: Any, samples: Any, z: Any, twiddles: Any) -> An
     def emit(b: Builder, samples: Value, z: Value, twiddles: Value) -> None:
         rows = []
         for h in range(8):
-            x, y = (_load(b, samples, 2048 * h + half, FLOATS, 4) for half in (0, LINE))
-            rows.append((_shuffle(b, x, y, range(0, 32, 2)), _shuffle(b, x, y, range(1, 32, 2))))
+            x, y = (load(b, samples, 2048 * h + half, FLOATS, 4) for half in (0, LINE))
+            rows.append((shuffle(b, x, y, range(0, 32, 2)), shuffle(b, x, y, range(1, 32, 2))))
         _first_pass(b, rows, z, twiddles)
 
-    return _procedure(emit, 3)
+    return procedure(emit, 3)
 
 
 @intrinsic
@@ -173,7 +164,7 @@ def filter_block(_context: Any, z: Any, twiddles: Any, response: Any) -> Any:
         for i, row in enumerate(_fft(b, rows, 1)):
             _store_row(b, row, z, ROW * i)
 
-    return _procedure(emit, 3)
+    return procedure(emit, 3)
 
 
 def _last_pass(b: Builder, z: Value, twiddles: Value) -> list[Complex]:
@@ -189,11 +180,11 @@ def last_pass_power(_context: Any, z: Any, twiddles: Any, power: Any) -> Any:
 
     def emit(b: Builder, z: Value, twiddles: Value, power: Value) -> None:
         for h, (real, imaginary) in enumerate(_last_pass(b, z, twiddles)):
-            total = _load(b, power, 1024 * h, FLOATS, LINE)
-            total = _add(b, _times(b, real, real), total)
-            _store(b, _add(b, _times(b, imaginary, imaginary), total), power, 1024 * h)
+            total = load(b, power, 1024 * h, FLOATS, LINE)
+            total = add(b, _times(b, real, real), total)
+            store(b, add(b, _times(b, imaginary, imaginary), total), power, 1024 * h)
 
-    return _procedure(emit, 3)
+    return procedure(emit, 3)
 
 
 @intrinsic
@@ -204,6 +195,6 @@ def last_pass(_context: Any, z: Any, twiddles: Any, out: Any) -> Any:
         for h, (real, imaginary) in enumerate(_last_pass(b, z, twiddles)):
             for half in range(2):
                 lanes = [lane for k in range(8 * half, 8 * half + 8) for lane in (k, LANES + k)]
-                _store(b, _shuffle(b, real, imaginary, lanes), out, 2048 * h + LINE * half)
+                store(b, shuffle(b, real, imaginary, lanes), out, 2048 * h + LINE * half)
 
-    return _procedure(emit, 3)
+    return procedure(emit, 3)

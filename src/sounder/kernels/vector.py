@@ -89,15 +89,16 @@ def middle_passes(rows: int, z: int) -> None:
 
 
 @part
-def transform_sums(chip: int, rows: int, tables: Tables, state: State) -> None:
+def transform_sums(chip: int, rows: int, spc: int, capture: Array, sums: Array, gather: Array, z: Array) -> None:
     """Sum the capture over chips and do the first pass, to blocks of ``rows`` rows."""
-    numbers = 2 * tables.samples_per_chip * tables.rows.size
+    numbers = capture.size - TAIL
     for t in range(TAIL):
-        state.capture[numbers + t] = state.capture[t]
-    hadamard.chip_sums(state.capture, tables.samples_per_chip, state.sums[:numbers])
-    gather, sums, z = tables.gather.ctypes.data, state.sums.ctypes.data, state.z.ctypes.data
+        capture[numbers + t] = capture[t]
+    hadamard.chip_sums(capture, spc, sums[:numbers])
+    step = 4 * gather.size // rows
     for row in range(rows):
-        simd.gather_chips(chip, rows, sums, gather + 4 * tables.gather.size // rows * row, z + LINE * row)
+        chips = gather.ctypes.data + step * row
+        simd.gather_chips(chip, rows, sums.ctypes.data, chips, z.ctypes.data + LINE * row)
 
 
 @part
@@ -124,9 +125,9 @@ def means(chip: int, rows: int, count: int, tables: Tables, state: State, correl
     spc, positions = tables.samples_per_chip, tables.positions
     finish.mean_power(state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power)
     finish.mean_capture(state.samples, state.samples_total, count, state.capture)
-    transform_sums(chip, rows, tables, state)
+    transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
     finish_transform(chip, rows, state.z)
-    hadamard.unpermute(state.z.view(np.complex64), chip // 2, positions, spc, tables.polarity, correlation)
+    hadamard.unpermute(state.z, chip, positions, spc, tables.polarity, correlation)
 
 
 @part
@@ -221,7 +222,7 @@ def path(order: int, samples_per_chip: int) -> Path:
                 for t in range(x.shape[2]):
                     state.capture[t] = np.float32(x[d, i, t])
                     state.samples[t] = np.int32(state.samples[t] + np.int32(x[d, i, t]))
-                transform_sums(chip, rows, tables, state)
+                transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
                 finish_power(chip, rows, state.z, state.power)
                 if (seen + i + 1) % finish.FLUSH_POWER == 0:
                     finish.flush(state.power, state.power_total)
@@ -239,7 +240,7 @@ def path(order: int, samples_per_chip: int) -> Path:
                 for t in range(x.shape[2]):
                     state.capture[t] = x[d, i, t]
                     state.samples_total[t] += x[d, i, t]
-                transform_sums(chip, rows, tables, state)
+                transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
                 finish_power(chip, rows, state.z, state.power)
                 if (seen + i + 1) % finish.FLUSH_POWER == 0:
                     finish.flush(state.power, state.power_total)
@@ -251,10 +252,9 @@ def path(order: int, samples_per_chip: int) -> Path:
         for i in range(x.shape[0]):
             for t in range(x.shape[1]):
                 state.capture[t] = x[i, t]
-            transform_sums(chip, rows, tables, state)
+            transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
             finish_transform(chip, rows, state.z)
-            z = state.z.view(np.complex64)
-            hadamard.unpermute(z, chip // 2, positions, spc, tables.polarity, out[i])
+            hadamard.unpermute(state.z, chip, positions, spc, tables.polarity, out[i])
 
     int16 = run_pairs if samples_per_chip == 2 else run_int16
     # Kernels of different constants must not share a cache file (see `compile`).

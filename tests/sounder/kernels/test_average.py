@@ -81,7 +81,7 @@ def test_any_sequence_of_order_9(m_sequence, path, rng, taps, change):
         lambda rng: rng.integers(-1, 2, (33, 1022, 2)),
         lambda rng: np.full((4, 1022, 2), -32768),
         lambda rng: rng.choice([-32768, 32767], (6, 1022, 2)),
-        lambda rng: np.repeat(rng.integers(-9000, 9000, (1, 1022, 2)), 97, axis=0),
+        lambda rng: np.repeat(rng.integers(-9000, 9000, (1, 1022, 2)), 1000, axis=0),
         lambda rng: full_scale(rng, 1, 1022),
     ],
     ids=["one LSB", "all at the negative rail", "both rails", "equal captures", "one capture"],
