@@ -22,6 +22,7 @@ I8, I16, I32, I64, F32 = ir.IntType(8), ir.IntType(16), ir.IntType(32), ir.IntTy
 FLOATS = ir.VectorType(F32, LANES)
 SHORTS = ir.VectorType(I16, 2 * LANES)
 FUSED = ("contract",)
+FIRST_RADIX = {2: 8, 4: 16, 8: 16}  # rows of the first pass, by numbers a chip; the smallest order has no more
 NEEDED = ("avx512f", "avx512bw", "avx512dq", "avx512vl")
 
 Builder = Any
@@ -142,11 +143,6 @@ def procedure(emit: Callable[..., None], addresses: int, *literals: Any) -> tupl
     return signature, generate
 
 
-def first_radix(chip: int) -> int:
-    """Number of rows of the first pass; the smallest order has no more."""
-    return 8 if chip == 2 else 16
-
-
 @intrinsic(prefer_literal=True)
 def gather_samples(_context: Any, rows: Any, samples: Any, offsets: Any, z: Any) -> Any:
     """Gather 64 chips of 2 samples each from int16 samples to 16 rows, summed over samples, and transform the rows.
@@ -165,7 +161,7 @@ def gather_samples(_context: Any, rows: Any, samples: Any, offsets: Any, z: Any)
 
 @intrinsic(prefer_literal=True)
 def gather_chips(_context: Any, chip: Any, rows: Any, sums: Any, offsets: Any, z: Any) -> Any:
-    """Gather chips of ``chip`` float32 to `first_radix` rows, stored ``rows`` rows apart, and transform them.
+    """Gather chips of ``chip`` float32 to `FIRST_RADIX` rows, stored ``rows`` rows apart, and transform them.
 
     Offsets are in units of two bytes, so that they serve `gather_samples` as well.
     """
@@ -173,7 +169,7 @@ def gather_chips(_context: Any, chip: Any, rows: Any, sums: Any, offsets: Any, z
     def emit(b: Builder, sums: Value, offsets: Value, z: Value) -> None:
         width = chip.literal_value
         kind = ir.VectorType(F32, width)
-        gathered = [_gathered(b, sums, offsets, i, LANES // width, kind, 2) for i in range(first_radix(width))]
+        gathered = [_gathered(b, sums, offsets, i, LANES // width, kind, 2) for i in range(FIRST_RADIX[width])]
         for i, row in enumerate(_walsh_hadamard(b, [_join(b, chips) for chips in gathered])):
             store(b, row, z, LINE * rows.literal_value * i)
 

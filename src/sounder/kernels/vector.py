@@ -36,7 +36,7 @@ def tables(permutations: Permutations, samples_per_chip: int) -> Tables:
     chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
     lanes = simd.LANES // chip
     rows = (chips + 1) // lanes
-    radix = simd.first_radix(chip)
+    radix = simd.FIRST_RADIX[chip]
 
     chip_of = np.full(chips + 1, chips + GAP - 2)  # index 0: a chip of zeros
     chip_of[permutations.input] = np.arange(chips)
@@ -186,7 +186,7 @@ def path(order: int, samples_per_chip: int) -> Path:
     pass.
     """
     chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
-    rows = (1 << order) * chip // simd.LANES // simd.first_radix(chip)
+    rows = (1 << order) * chip // simd.LANES // simd.FIRST_RADIX[chip]
 
     def run_pairs(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
         numbers = x.shape[2]

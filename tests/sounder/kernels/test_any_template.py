@@ -52,7 +52,7 @@ def test_zadoff_chu_has_one_peak_where_the_delay_is(rng):
     np.testing.assert_allclose(correlator.correlate_mean(delayed), expected, atol=1e-12 * length)
 
 
-def test_m_sequence_is_a_template_as_any_other(m_sequence, path, rng):
+def test_m_sequence_is_a_template_as_any_other(m_sequence, rng):
     chips = m_sequence(9)
     iq = rng.integers(-3000, 3000, (20, 1022, 2)).astype(np.int16)
     mean, power = MSequenceCorrelator(chips, 2).average(iq)
