@@ -81,6 +81,18 @@ def test_command_line_starts_from_the_installation(elsewhere, name):
     assert f"Usage: {name} " in elsewhere("-c", program)
 
 
+def test_geometry_is_imported_without_the_sounder(elsewhere):
+    program = (
+        "import pkgutil, sys\n"
+        "import erm\n"
+        "for module in pkgutil.walk_packages(erm.__path__, 'erm.'):\n"
+        "    __import__(module.name)\n"
+        "    print(module.name)\n"
+        "assert 'sounder' not in sys.modules\n"
+    )
+    assert "erm.reconstruct" in elsewhere("-c", program).split()
+
+
 def test_wheel_tells_its_licence_and_that_it_is_typed(installed):
     (info,) = installed.glob("*.dist-info")
     metadata = Parser().parsestr((info / "METADATA").read_text(encoding="utf-8"))
