@@ -59,9 +59,16 @@ def read(words: npt.NDArray[np.int64]) -> int:
 
 
 def interleaved(
-    candidates: dict[str, Callable[[], object]], rounds: int = 15, at_least: float = 0.02
+    candidates: dict[str, Callable[[], object]],
+    rounds: int = 15,
+    at_least: float = 0.02,
+    threads: dict[str, int] | None = None,
 ) -> dict[str, Time]:
-    """Time each candidate once a round, in turns, so that a busy machine is busy for all of them."""
+    """Time each candidate once a round, in turns, so that a busy machine is busy for all of them.
+
+    Where wall time counts, ``threads`` says how many processors a candidate keeps busy; rounds in which it did not get
+    nine tenths of them do not count, and at most twenty times as many rounds are tried.
+    """
     repeats = {}
     for name, run in candidates.items():
         run()
@@ -69,13 +76,18 @@ def interleaved(
         run()
         repeats[name] = max(1, int(at_least / (time.perf_counter() - start)))
     samples: dict[str, list[tuple[float, float]]] = {name: [] for name in candidates}
-    for round_ in range(rounds):
+    for round_ in range(rounds if threads is None else 20 * rounds):
         for name in list(candidates)[:: 1 if round_ % 2 else -1]:
+            if len(samples[name]) == rounds:
+                continue
             wall, processor = time.perf_counter(), time.process_time()
             for _ in range(repeats[name]):
                 candidates[name]()
             wall, processor = time.perf_counter() - wall, time.process_time() - processor
-            samples[name].append((wall / repeats[name], processor / repeats[name]))
+            if threads is None or processor >= 0.9 * threads[name] * wall:
+                samples[name].append((wall / repeats[name], processor / repeats[name]))
+    if any(len(pairs) < min(5, rounds) for pairs in samples.values()):
+        raise SystemExit("the machine is too busy to measure wall time; run again when it is not")
     return {name: Time(*np.median(pairs, axis=0).tolist()) for name, pairs in samples.items()}
 
 
