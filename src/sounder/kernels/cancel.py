@@ -266,14 +266,18 @@ def _fit(
     result = np.empty(6)
     best = inside = np.inf
     # Beyond the edge of the fan the pattern's floor makes further minima: start from several angles, the beam's own
-    # first. One outside must fit clearly and surely better: neither interference nor noise must turn a weak path into
-    # a strong one out there.
+    # first, and that one kept within half its power. One outside must fit clearly and surely better: neither
+    # interference nor noise must turn a weak path into a strong one out there.
     outward = 1 if e == n_elevations - 1 else -1
     starts = 10 if free[1] and (e == n_elevations - 1 or e == 0) else 1
+    edge = looks[b, 1] + 0.5 * outward * limits[3]
     for start_ in range(starts):
         tilt, turn = (start_ + 2) // 3, start_ % 3 - 1 if start_ else 0
         start_angles[0] = looks[b, 0] + 0.4 * turn * limits[0]
-        start_angles[1] = min(max(looks[b, 1] + 0.5 * outward * tilt * limits[3], lower[1]), upper[1])
+        start_angles[1] = min(max(looks[b, 1] + 0.5 * outward * tilt * limits[3], limits[1]), limits[2])
+        within_fan = start_ == 0 and starts > 1
+        lower[1] = edge if within_fan and outward < 0 else limits[1]
+        upper[1] = edge if within_fan and outward > 0 else limits[2]
         cost = fit_angles(
             magnitude[:beam_count],
             near[:beam_count],
