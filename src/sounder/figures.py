@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 POWER = "viridis"
@@ -20,6 +24,13 @@ OVERLAID = ("Blues", "Oranges")
 MPC_COLOUR = "#d55e00"
 RINGS = 100
 """Rings of delay in a polar diagram; a ring shows its strongest sample, or paths would be hairlines."""
+ABOVE: dict[str, Any] = {
+    "loc": "lower right",
+    "bbox_to_anchor": (1.0, 1.0),
+    "frameon": False,
+    "borderaxespad": 0.1,
+}
+"""Place of a legend over the axes, where it hides nothing."""
 RANGE = 40.0
 """Power shown below the strongest [dB]."""
 
@@ -79,7 +90,7 @@ def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None)
             elinewidth=1,
             label=f"MPCs ({mpc.sizes['mpc']})",
         )
-        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1)
+        ax.legend(**ABOVE)
     ax.set(xlabel="Delay (ns)", ylabel="Azimuth of arrival (°)", xlim=(0, shown_delay(daps) * 1e9))
     ax.set_yticks(np.arange(0, 361, 60))
     ax.set_ylim(azimuth[0] - _half_step(azimuth), azimuth[-1] + _half_step(azimuth))
@@ -103,36 +114,32 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
     """
     if not 1 <= len(products) <= 2:
         raise ValueError(f"{len(products)} positions; one or two fit a polar diagram")
-    maps = [POWER] if len(products) == 1 else OVERLAID
+    maps = [colormaps[POWER]] if len(products) == 1 else [_without_pale(name) for name in OVERLAID]
     outer = max(shown_delay(daps) for _, daps in products)
+    crowd = np.zeros(360)
     for index, ((name, daps), colours) in enumerate(zip(products, maps, strict=True)):
         above = daps["daps"].where(daps["daps"] > daps["noise_floor"] + 12).max("elevation")
-        top = float(above.max())
         rings = max(int(outer / RINGS / float(daps["delay"][1] - daps["delay"][0])), 1)
-        power = above.where(above > top - RANGE).coarsen(delay=rings, boundary="trim").max()
+        power = above.where(above > above.max() - RANGE).coarsen(delay=rings, boundary="trim").max()
         angle, radius, values = _sectors(power)
-        mesh = ax.pcolormesh(
-            angle,
-            radius * 1e9,
-            values.T,
-            cmap=colours,
-            vmin=top - RANGE - (RANGE / 3 if len(products) == 2 else 0),  # the palest third would vanish on white
-            vmax=top,
-            alpha=1.0 if index == 0 else 0.8,
-            rasterized=True,
-        )
-        _figure(ax).colorbar(
-            mesh,
-            ax=ax,
-            label=f"{name}: path gain incl. RX antenna (dB)",
-            location=("right", "left")[index],
-            pad=0.12,
-            shrink=0.75,
-        )
+        mesh = ax.pcolormesh(angle, radius * 1e9, values.T, cmap=colours, alpha=(1.0, 0.8)[index], rasterized=True)
+        np.add.at(crowd, np.degrees(angle[:-1]).astype(int) % 360, np.isfinite(values).sum(axis=1))
+        if np.isfinite(values).any():
+            _figure(ax).colorbar(
+                mesh,
+                ax=ax,
+                label=f"{name}: path gain incl. RX antenna (dB)",
+                location=("right", "left")[index],
+                pad=0.12,
+                shrink=0.8,
+            )
     ax.set_rlim(0, outer * 1e9)
     ax.set_thetagrids(np.arange(0, 360, 30))
-    ax.set_rlabel_position(112)
-    ax.tick_params(axis="y", labelsize=8)
+    ax.set_rlabel_position(_quietest(crowd))
+    ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    ax.tick_params(axis="x", pad=5)
+    for label in ax.yaxis.get_ticklabels():
+        label.set(fontsize="small", path_effects=[withStroke(linewidth=2.5, foreground="white")])
     ax.set_xlabel("Angle: azimuth of arrival; radius: delay (ns)")
     ax.grid(alpha=0.4)
     return ax
@@ -152,7 +159,7 @@ def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
     ax.set(xlabel="Delay (ns)", ylabel="Path gain (dB)")
     ax.set_xlim(0, max(shown_delay(daps) for _, daps in products) * 1e9)
     ax.grid(alpha=0.3)
-    ax.legend()
+    ax.legend(**ABOVE, ncols=4)
     return ax
 
 
@@ -167,16 +174,30 @@ def _half_step(values: NDArray[np.float64]) -> float:
     return float(np.diff(values).min() / 2) if values.size > 1 else 180.0
 
 
+def _without_pale(name: str) -> Colormap:
+    """Colour map without its palest third, which would vanish on white."""
+    return ListedColormap(colormaps[name](np.linspace(0.35, 1, 256)))
+
+
+def _quietest(crowd: NDArray[np.float64]) -> float:
+    """Azimuth between two spokes where least is drawn, given how much is in each degree."""
+    between = np.arange(15, 360, 30)
+    around = between[:, None] + np.arange(-8, 9)
+    return float(between[np.argmin(crowd[around].sum(axis=1))])
+
+
 def _sectors(power: xr.DataArray) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[Any]]:
     """Corners of the sectors around each azimuth and delay, and their values (azimuth, delay).
 
-    Sectors are cut into arcs of about a degree, since a polar mesh draws straight edges.
+    Sectors are cut into arcs of about a degree, since a polar mesh draws straight edges; between two sectors stands an
+    empty one, of no width unless the scan has a gap.
     """
     azimuth, delay = power["azimuth"].values, power["delay"].values
-    half = _half_step(azimuth)
+    half = min(_half_step(azimuth), 180.0)
     parts = max(int(2 * half), 1)
-    starts = azimuth[:, None] - half + 2 * half * np.arange(parts) / parts
-    angle = np.radians(np.append(starts.ravel(), azimuth[-1] + half))
+    angle = np.radians(azimuth[:, None] + np.linspace(-half, half, parts + 1)).ravel()
     step = delay[1] - delay[0]
     radius = np.append(delay - step / 2, delay[-1] + step / 2).clip(0)
-    return angle, radius, np.repeat(power.values, parts, axis=0)
+    values = np.repeat(power.values[:, None], parts + 1, axis=1)
+    values[:, -1] = np.nan
+    return angle, radius, values.reshape(angle.size, -1)[:-1]

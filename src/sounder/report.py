@@ -29,11 +29,11 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
     mpc = open_group(product, "/mpc")
     drawn: dict[str, Figure] = {}
 
-    drawn["daps_polar"] = Figure(figsize=(6.5, 5.0), layout="constrained")
+    drawn["daps_polar"] = Figure(figsize=(5.6, 4.2), layout="constrained")
     figures.daps_polar([(name, daps)], _polar(drawn["daps_polar"]))
-    drawn["daps"] = Figure(figsize=(7.0, 4.0), layout="constrained")
+    drawn["daps"] = Figure(figsize=(5.6, 3.4), layout="constrained")
     figures.daps_cartesian(daps, drawn["daps"].add_subplot(title=name), mpc=mpc)
-    drawn["pdp"] = Figure(figsize=(7.0, 3.6), layout="constrained")
+    drawn["pdp"] = Figure(figsize=(5.6, 3.2), layout="constrained")
     figures.pdp([(name, daps)], drawn["pdp"].add_subplot())
     return [_save(figure, out / f"{product.stem}_{kind}.{suffix}") for kind, figure in drawn.items()]
 
@@ -51,7 +51,7 @@ def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -
     DataError
         A file is not a product, or the folder cannot be written to.
     """
-    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    figure = Figure(figsize=(6.6, 4.2), layout="constrained")
     figures.daps_polar([_daps(first), _daps(second)], _polar(figure))
     return [_save(figure, out / f"{first.stem}_{second.stem}_daps_polar.{suffix}")]
 
