@@ -59,10 +59,11 @@ def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     if failures or outcome.failures:
         raise DataError("; ".join(failures + outcome.failures))
     table, complaints = read_mpcs(outcome.products)
-    environment, merged = reconstruct(select(table))
+    selected = select(table)
+    environment, merged = reconstruct(selected)
     environment.write(out / "map.geojson")
     truth = Environment.read(out / "truth" / "environment.geojson")
-    score = score_map(environment, merged, truth)
+    score = score_map(environment, selected, merged, truth)
     with console.progress("drawing", len(OVERLAID) + 2) as advance:
         _draw(environment, merged, truth, out / "figures", advance=advance)
     _print(score, out, positions=len(recordings), mpcs=table.sizes["mpc"])
@@ -70,11 +71,18 @@ def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     return score
 
 
-def score_map(environment: Environment, merged: xr.Dataset, truth: Environment) -> dict[str, float]:
-    """Score a map and its reflection points against the environment that made the recordings."""
+def score_map(
+    environment: Environment, selected: xr.Dataset, merged: xr.Dataset, truth: Environment
+) -> dict[str, float]:
+    """Score a map and its reflection points against the environment that made the recordings.
+
+    Which walls there are to find is told by the MPCs that were accepted before any were merged: those of which three
+    or more have their reflection point within half a metre of the wall.
+    """
     outline = outline_of(truth)
     accepted = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
-    hits = face_hits(accepted["wall_point"].values, outline, tolerance=0.5)
+    single = selected["reflection_point"].values[selected["accepted"].values]
+    hits = face_hits(single, outline, tolerance=0.5)
     walls = evaluate_walls(environment, outline, hits)
     rmse = {kind: summary(errors)["rmse"] for kind, errors in _errors(accepted, outline).items()}
     return {

@@ -30,9 +30,10 @@ import numba
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
-# Contraction lets a*b + c be one instruction; nothing is reassociated, so results do not depend on the vector
-# width chosen by the compiler within a build.
-SETTINGS: dict[str, Any] = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+# Strict arithmetic, not even a*b + c in one instruction: a part is compiled by itself and again within its entry
+# point, and a process that compiles may run the one copy where a process that loads the cache runs the other. Only
+# what every compilation must round alike gives the same bits in both.
+SETTINGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 _setting = threading.Lock()
 
