@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from erm.errors import DataError
-from sounder.correlate import processors
 from sounder.intake import Job, Source, reopen
+from sounder.kernels.directions import processors
 from sounder.pipeline import Filters, Options, Outcome, process_position
 
 if TYPE_CHECKING:

@@ -1,6 +1,5 @@
 """Captures to calibrated channel impulse responses (CIR)."""
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from erm.errors import DataError
 from sounder.calibration import Deembedding, deembedding
 from sounder.kernels.average import MSequenceCorrelator
+from sounder.kernels.directions import processors
 from sounder.kernels.rails import count_rails
 from sounder.recording import BackToBack, Captures, Recording
 from sounder.waveform import chips
@@ -142,11 +142,6 @@ AZIMUTH = {"units": "degree", "long_name": "horn azimuth, counter-clockwise from
 ELEVATION = {"units": "degree", "long_name": "horn elevation above the horizon"}
 DELAY = {"units": "s", "long_name": "propagation delay"}
 COHERENCE = {"units": "1", "long_name": "share of the power at the strongest delay kept by coherent averaging"}
-
-
-def processors() -> int:
-    """Processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Direction(NamedTuple):

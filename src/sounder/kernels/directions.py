@@ -12,6 +12,11 @@ from sounder.kernels.captures import Averages, Captures, Correlator
 TASKS_PER_THREAD = 4
 
 
+def processors() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def average_directions(iq: Captures, correlator: Correlator, threads: int | None = None) -> Averages:
     """Average the correlation of each direction over its snapshots.
 
@@ -35,7 +40,7 @@ def average_directions(iq: Captures, correlator: Correlator, threads: int | None
         Mean of the squared magnitude.
     """
     if threads is None:
-        threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        threads = processors()
     if threads < 1:
         raise DataError(f"threads: {threads}, expected 1 or more; leave the option out to use all processors")
     directions = len(iq)
