@@ -57,7 +57,8 @@ def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -
 
 
 def _daps(product: Path) -> tuple[str, xr.Dataset]:
-    return str(open_group(product)["position"].values[0]), open_group(product, "/daps")
+    daps = open_group(product, "/daps")  # first, for it tells a product from other files
+    return str(open_group(product)["position"].values[0]), daps
 
 
 def _polar(figure: Figure) -> PolarAxes:
