@@ -23,6 +23,8 @@ MARGIN = 2.0
 """Amplitude over the pattern's prediction that still counts as the same path (6 dB, for horns not as measured)."""
 LEFTOVER = 0.1
 """Amplitude, relative to a path in its beam, under which what a fit leaves around it is its own remainder (-20 dB)."""
+DYNAMIC_RANGE = 75.0
+"""How far under the strongest sample a path can be told from what cancellation leaves of others [dB]."""
 PASSES = 2
 """Rounds of fitting each path again with all the others taken out."""
 LOCATED = 3.0
@@ -74,7 +76,7 @@ def extract(
         ``path_gain`` [dB] without antennas, and ``delay_std``, ``azimuth_std``, ``elevation_std``,
         ``path_gain_std``. The elevation is NaN where the scan has one elevation only. The attribute
         ``paths_outside_fan`` counts the paths left out because only sidelobes saw them, so that their angle is not
-        known.
+        known; ``complete`` is 0 if more paths exceed the threshold than a table holds.
     """
     azimuth, elevation = cir["azimuth"].values, cir["elevation"].values
     beams = np.array(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64, order="C")
@@ -88,7 +90,7 @@ def extract(
     bandwidth = np.ptp(np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate)[filter_.weight > 0])
     cell = filter_.sample_rate / bandwidth
     found = np.zeros((CAPACITY, kernel.COLUMNS))
-    count = kernel.cancel(
+    count, complete = kernel.cancel(
         beams,
         _thresholds(beams, noise, threshold),
         noise,
@@ -116,14 +118,14 @@ def extract(
     found = found[:count][np.argsort(-found[:count, kernel.AMPLITUDE])]
     located = _located(found, pattern) & ~(found[:, kernel.AZIMUTH_STD] > width_azimuth / 2)
     table = _table(found[located], noise, filter_, sounder, distance, fans=elevation.size > 1)
-    return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()))
+    return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()), complete=int(complete))
 
 
 def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
     """Tell the paths whose direction the main lobe has seen.
 
     A path far above or below the fan is seen through the sidelobes, alike by all beams; its delay is right, its angle
-    is not known.
+    is not known; ``complete`` is 0 if more paths exceed the threshold than a table holds.
     """
     if not pattern.directive:
         return np.ones(len(found), bool)
@@ -134,10 +136,11 @@ def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
 
 def _thresholds(beams: NDArray[np.complex64], noise: NDArray[np.float64], threshold: Threshold) -> NDArray[np.float64]:
     """Least power of a path in every beam; infinite where nothing was recorded."""
+    strongest = float(np.max(np.abs(beams), where=np.isfinite(beams), initial=0.0)) ** 2
     if threshold == "usc":
-        level = noise * 10**1.2
+        level = np.maximum(strongest * 10 ** (-DYNAMIC_RANGE / 10), noise * 10**1.2)
     else:
-        level = np.maximum(np.nanmax(np.abs(beams)) ** 2 * 10**-2.5, noise * 10**0.5)
+        level = np.maximum(strongest * 10**-2.5, noise * 10**0.5)
     return np.where(np.isfinite(noise), level, np.inf)
 
 

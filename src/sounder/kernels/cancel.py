@@ -60,7 +60,7 @@ def cancel(
     leftover: Real,
     passes: int,
     found: Real,
-) -> int:
+) -> tuple[int, bool]:
     """Extract paths from the CIRs of all beams; ``beams`` holds what is left.
 
     Parameters
@@ -94,8 +94,10 @@ def cancel(
 
     Returns
     -------
-    int
+    count : int
         Number of paths.
+    complete : bool
+        False where peaks were left when ``found`` was full.
     """
     n_beams, n_delays = beams.shape
     n_blocks = (n_delays + BLOCK - 1) // BLOCK
@@ -150,6 +152,7 @@ def cancel(
             count += 1
         else:
             taken[count] = 0
+    complete = bool(np.max(peak) <= 0.0)
     for _ in range(passes):
         for i in range(count):
             _give_back(beams, table, over, found[i], taken[i])
@@ -183,7 +186,7 @@ def cancel(
                 taken[i],
             )
             found[i, LEFT_OVER] = _power_around(beams[b], found[i, DELAY])
-    return _keep(found, count, threshold)
+    return _keep(found, count, threshold), complete
 
 
 @part
