@@ -269,7 +269,7 @@ def _fit(
     result = np.empty(6)
     best = inside = np.inf
     # Beyond the edge of the fan the pattern's floor makes further minima: start from several angles, the beam's own
-    # first, and that one kept within half its power. One outside must fit clearly and surely better: neither
+    # first, and that one kept within half its power. One further out must fit clearly and surely better: neither
     # interference nor noise must turn a weak path into a strong one out there.
     outward = 1 if e == n_elevations - 1 else -1
     starts = 10 if free[1] and (e == n_elevations - 1 or e == 0) else 1
@@ -294,9 +294,10 @@ def _fit(
             pattern_floor,
             result,
         )
-        if start_ == 0:
-            inside = cost
-        if start_ == 0 or (cost < best and cost < CLEARLY * inside and cost < inside - SURELY * noise[b]):
+        near_fan = start_ == 0 or outward * (result[1] - edge) <= 0.0
+        if near_fan:
+            inside = min(inside, cost)
+        if cost < best and (near_fan or (cost < CLEARLY * inside and cost < inside - SURELY * noise[b])):
             best = cost
             row[AZIMUTH : AMPLITUDE_STD + 1] = result
     row[DELAY] = delay
