@@ -1,0 +1,104 @@
+"""Exit codes, tables, complaints and progress, on a terminal and in a pipe."""
+
+import sys
+
+import pytest
+import typer
+from matplotlib.figure import Figure
+
+from erm import console
+from erm.errors import DataError
+
+
+def exit_code(body, arguments=()) -> int:
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command()(body)
+    old, sys.argv = sys.argv, ["x", *arguments]
+    try:
+        with pytest.raises(SystemExit) as stop:
+            console.run(app)
+    finally:
+        sys.argv = old
+    return int(stop.value.code or 0)
+
+
+def test_all_done_is_0(capsys):
+    assert exit_code(lambda: None) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_data_error_is_one_line_and_1(capsys):
+    def body() -> None:
+        raise DataError("x.h5: broken; expected whole")
+
+    assert exit_code(body) == 1
+    assert capsys.readouterr().err == "x.h5: broken; expected whole\n"
+
+
+def test_wrong_usage_is_2(capsys):
+    assert exit_code(lambda: None, ["--unknown"]) == 2
+    assert "No such option" in capsys.readouterr().err
+
+
+def test_another_error_is_a_bug_and_shows():
+    def body() -> None:
+        raise ZeroDivisionError
+
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command()(body)
+    old, sys.argv = sys.argv, ["x"]
+    try:
+        with pytest.raises(ZeroDivisionError):
+            console.run(app)
+    finally:
+        sys.argv = old
+
+
+def test_complaints_go_to_stderr_and_exit_with_1(capsys):
+    console.complain([])
+    with pytest.raises(SystemExit) as stop:
+        console.complain(["one", "two"])
+    assert stop.value.code == 1
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == ("", "one\ntwo\n")
+
+
+def test_a_table_in_a_pipe_is_tab_separated(capsys):
+    console.show(["a", "b"], [(1, "x y"), (2.5, None)])
+    assert capsys.readouterr().out == "a\tb\n1\tx y\n2.5\tNone\n"
+
+
+def test_a_table_on_a_terminal_is_ruled(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    console.show(["a", "b"], [(1, "value")])
+    out = capsys.readouterr().out
+    assert "value" in out
+    assert "\t" not in out
+    assert len(out.splitlines()) > 3
+
+
+def test_progress_in_a_pipe_is_silent(capsys):
+    with console.progress("working", 2) as advance:
+        advance()
+        advance()
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == ("", "")
+
+
+def test_progress_on_a_terminal_goes_to_stderr(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with console.progress("working", 2) as advance:
+        advance()
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "working" in printed.err
+
+
+def test_a_figure_is_saved_whole_or_told(tmp_path):
+    figure = Figure(figsize=(1, 1))
+    console.save_figure(figure, tmp_path / "x.png")
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(DataError, match=r"x\.xyz: "):
+        console.save_figure(figure, tmp_path / "x.xyz")
+    assert [path.name for path in tmp_path.iterdir()] == ["x.png"]

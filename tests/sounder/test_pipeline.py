@@ -1,0 +1,129 @@
+"""A batch: what fails costs itself alone, and what is written is whole."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from erm.errors import DataError
+from erm.storage import open_group
+from sounder import pipeline, twin
+from sounder.intake import Job, Source, gather
+from sounder.pipeline import Options, process
+from sounder.readers import native
+
+WAVEFORM = {"order": 7, "polynomial": [7, 1, 0], "chip_rate": 6e8, "samples_per_chip": 2, "sample_rate": 1.2e9}
+HORN = {"pattern": "gaussian", "cut": None, "hpbw_azimuth": 60.0, "hpbw_elevation": 60.0}
+
+
+@pytest.fixture(scope="module")
+def sounder(description):
+    scan = {"azimuth": [0.0, 60.0, 120.0, 180.0, 240.0, 300.0], "elevation": [0.0]}
+    return description(waveform=WAVEFORM, scan=scan, rx_antenna=HORN)
+
+
+def paths(count: int) -> xr.Dataset:
+    columns = {"delay": 50e-9, "azimuth": 70.0, "elevation": 0.0, "coefficient": 1e-6 + 0j}
+    return xr.Dataset({name: ("path", np.full(count, value)) for name, value in columns.items()})
+
+
+@pytest.fixture
+def jobs(sounder, tmp_path):
+    """Jobs of recordings named as asked, each read from a file; ``count`` paths in each."""
+
+    def make(*names: str, count: int = 1) -> list[Job]:
+        native.write_back_to_back(twin.back_to_back(sounder, 60.0), tmp_path / "b2b.h5", history="test")
+        files = []
+        for i, name in enumerate(names):
+            places = {"tx_position": (0, 0, 1), "rx_position": (3 + i, 4, 1)}
+            made = twin.record(paths(count), sounder, name=name, snapshots=2, **places)
+            files.append(tmp_path / f"{i}.h5")
+            native.write_recording(made, files[-1], history="test")
+        found, failures = gather(files, calibration=tmp_path / "b2b.h5")
+        assert failures == []
+        return found
+
+    return make
+
+
+def test_products_stand_in_the_order_of_the_jobs_and_progress_counts_them(jobs, tmp_path):
+    steps = []
+    outcome = process(jobs("C", "A", "B"), tmp_path / "out", progress=lambda: steps.append(1))
+    assert [path.stem for path in outcome.products] == ["C", "A", "B"]
+    assert (outcome.failures, outcome.notes, len(steps)) == ([], [], 3)
+
+
+def test_damage_met_while_reading_costs_its_position_alone(jobs, tmp_path):
+    first, second, third = jobs("A", "B", "C")
+
+    def read(a, e, s):
+        raise DataError("B.h5: iq cannot be read (checksum); copy the file again")
+
+    broken = replace(second, recording=replace(second.recording, read=read))
+    outcome = process([first, broken, third], tmp_path / "out")
+    assert [path.stem for path in outcome.products] == ["A", "C"]
+    assert outcome.failures == ["B.h5: iq cannot be read (checksum); copy the file again"]
+
+
+def test_noise_alone_gives_a_legal_product_without_mpcs(jobs, tmp_path):
+    outcome = process(jobs("A", count=0), tmp_path / "out")
+    assert outcome.failures == []
+    mpc = open_group(outcome.products[0], "/mpc")
+    assert mpc.sizes["mpc"] == 0
+    assert set(mpc) >= {"delay", "azimuth", "elevation", "path_gain"}
+
+
+@pytest.mark.parametrize("name", ["a/b", "../up", "RX 1", "Straße 7", "..."])
+def test_any_name_of_a_position_becomes_a_file_in_the_folder(jobs, tmp_path, name):
+    outcome = process(jobs(name), tmp_path / "out")
+    (product,) = outcome.products
+    assert product.parent == tmp_path / "out"
+    assert product.is_file()
+    assert open_group(product)["position"].item() == name  # the name itself is kept inside
+
+
+def test_a_product_is_whole_or_absent(jobs, tmp_path, monkeypatch):
+    batch = jobs("A")
+    out = tmp_path / "out"
+    process(batch, out)
+    before = (out / "A.h5").read_bytes()
+
+    def interrupted(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", interrupted)
+    for folder in (out, tmp_path / "new"):
+        with pytest.raises(KeyboardInterrupt):
+            process(batch, folder)
+    assert (out / "A.h5").read_bytes() == before
+    assert [path.name for path in out.iterdir()] == ["A.h5"]
+    assert list((tmp_path / "new").iterdir()) == []
+
+
+def test_options_stand_in_the_product(jobs, tmp_path):
+    options = Options(averaging="power", threshold="nyu", omnidirectional="maximum", keep_cir=True)
+    (product,) = process(jobs("A"), tmp_path / "out", options=options).products
+    assert open_group(product, "/cir").attrs["averaging"] == "power"
+    assert open_group(product, "/mpc").attrs["threshold"] == "nyu"
+    assert open_group(product, "/daps").attrs["omnidirectional"] == "maximum"
+
+
+def test_one_filter_serves_a_campaign(jobs, tmp_path, monkeypatch):
+    made = []
+    calibrate = pipeline.calibrate
+    monkeypatch.setattr(pipeline, "calibrate", lambda *args: (made.append(1), calibrate(*args))[1])
+    process(jobs("A", "B", "C"), tmp_path / "out")
+    assert len(made) == 1
+
+
+def test_gather_names_what_it_cannot_use_and_keeps_the_rest(jobs, tmp_path):
+    jobs("A")
+    absent = tmp_path / "absent.h5"
+    found, failures = gather([absent, tmp_path / "0.h5"], calibration=tmp_path / "b2b.h5")
+    assert [job.recording.name for job in found] == ["A"]
+    assert found[0].source == Source(tmp_path / "0.h5", 0, tmp_path / "b2b.h5", None, None)
+    assert failures == [f"{absent}: no such file"]
+    with pytest.raises(DataError, match="no such file"):  # without a calibration nothing can be done
+        gather([tmp_path / "0.h5"], calibration=Path("absent.h5"))
