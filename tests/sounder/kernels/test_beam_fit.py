@@ -1,0 +1,98 @@
+"""The angle of a path from its magnitudes in neighbouring beams."""
+
+import numba
+import numpy as np
+import pytest
+
+from sounder.antenna import Pattern
+from sounder.config import Antenna
+from sounder.kernels import beam_fit
+
+PATTERN = Pattern.of(Antenna(gain=24.5, hpbw_azimuth=10.0, hpbw_elevation=9.0, sidelobe_floor=-40.0))
+CUTS = PATTERN.azimuth_cut, PATTERN.elevation_cut, PATTERN.floor
+LOOKS = np.array([[a, e] for a in (-10.0, 0.0, 10.0) for e in (-9.0, 0.0, 9.0)])
+
+
+@numba.njit
+def fit_angles(*arguments):
+    return beam_fit.fit_angles(*arguments)
+
+
+@numba.njit
+def beam_amplitude(*arguments):
+    return beam_fit.beam_amplitude(*arguments)
+
+
+def fit(magnitude, *, looks=LOOKS, start=(0.0, 0.0), free=(True, True), noise=0.0):
+    result = np.empty(6)
+    cost = fit_angles(
+        magnitude,
+        looks,
+        np.array(start),
+        np.array([-20.0, -20.0]),
+        np.array([20.0, 20.0]),
+        np.array(free),
+        noise,
+        *CUTS,
+        result,
+    )
+    return cost, result
+
+
+def seen(azimuth, elevation, looks=LOOKS):
+    return 10 ** (PATTERN.beam_gain(azimuth, elevation, looks[:, 0], looks[:, 1]) / 20)
+
+
+def test_compiled_pattern_is_the_numpy_one():
+    rng = np.random.default_rng(1)
+    for azimuth, elevation, look_azimuth, look_elevation in zip(
+        rng.uniform(-360, 360, 200),
+        rng.uniform(-89, 89, 200),
+        rng.uniform(0, 360, 200),
+        rng.uniform(-30, 30, 200),
+        strict=True,
+    ):
+        where = azimuth, elevation, look_azimuth, look_elevation
+        got = beam_amplitude(*where, *CUTS)
+        assert got == pytest.approx(10 ** (PATTERN.beam_gain(*where) / 20), rel=1e-9)
+
+
+def test_magnitudes_without_noise_give_the_direction():
+    rng = np.random.default_rng(2)
+    for _ in range(30):
+        azimuth, elevation, a = rng.uniform(-5, 5), rng.uniform(-4.5, 4.5), rng.uniform(0.1, 10)
+        cost, result = fit(a * seen(azimuth, elevation))
+        # it stops when a step gains less than 1e-9 of the cost, and quadratic convergence is then far beyond
+        np.testing.assert_allclose(result[:3], [azimuth, elevation, a], atol=1e-4 * max(a, 1))
+        assert cost < 1e-8 * a**2
+
+
+def test_fixed_angles_stay():
+    row = LOOKS[:, 1] == 0
+    _, result = fit(seen(3.0, 0.0)[row], looks=LOOKS[row], free=(True, False))
+    np.testing.assert_allclose(result[:3], [3.0, 0.0, 1.0], atol=1e-4)
+    assert np.isnan(result[4])
+    assert np.isfinite(result[[3, 5]]).all()
+
+
+def test_bounds_hold():
+    _, result = fit(seen(0.0, 60.0))
+    assert (np.abs(result[:2]) <= 20.0).all()
+
+
+def test_scatter_is_the_stated_deviation():
+    """Gaussian errors of the magnitudes spread the results as the normal equations say."""
+    rng = np.random.default_rng(3)
+    sigma = 0.01
+    results = np.array([fit(seen(2.0, -3.0) + sigma * rng.standard_normal(9), noise=sigma**2)[1] for _ in range(120)])
+    spread = results[:, :3].std(axis=0)
+    # 120 draws give a deviation to 6.5 %; the stated one takes the larger of noise and residual, which adds 10 %
+    np.testing.assert_allclose(spread / np.median(results[:, 3:], axis=0), 1.0, atol=0.3)
+    np.testing.assert_allclose(results[:, :3].mean(axis=0), [2.0, -3.0, 1.0], atol=4 * spread.max() / np.sqrt(120))
+
+
+def test_alike_in_all_beams_determines_no_angle():
+    """Where the model is at its floor in every beam no angle matters; its deviation says so."""
+    _, result = fit(np.full(3, 0.01), looks=np.array([[170.0, 0.0], [180.0, 0.0], [190.0, 0.0]]))
+    assert np.isinf(result[3])
+    assert np.isinf(result[4])
