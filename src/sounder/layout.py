@@ -71,19 +71,24 @@ class Grid(_Table):
 
 
 class Positions(_Table):
-    """Antenna positions, east/north/up [m]: one, or one a position; and what else is known of each position."""
+    """Antenna positions, east/north/up [m]: one, or one a position; and what else is known of each position.
+
+    In ``name``, ``{}`` stands for the position's number (``{:02d}`` for two digits) and ``{file}`` for the file's name.
+    """
 
     tx: Points
     rx: Points
     los: int | Reference = -1
-    name: str = "RX{:02d}"
+    name: str | None = None
 
     @model_validator(mode="after")
-    def _takes_number(self) -> Self:
+    def _formats(self) -> Self:
         try:
-            self.name.format(0)
+            (self.name or "").format(0, file="")
         except (LookupError, ValueError):
-            raise ValueError(f'name is "{self.name}"; expected text with {{}} in the number\'s place') from None
+            raise ValueError(
+                f"name is \"{self.name}\"; expected text with {{}} in the number's and {{file}} in the file's place"
+            ) from None
         return self
 
 

@@ -103,7 +103,7 @@ def test_numbers_written_in_the_layout(opened):
     found, b2b = opened({"raw": IQ}, PLAIN)
     assert_same(found)
     assert found[0].captures(0, 0).dtype == np.int16
-    assert [r.name for r in found] == ["RX00", "RX01"]
+    assert [r.name for r in found] == ["foreign-00", "foreign-01"]
     assert {(r.los, r.scale_factor) for r in found} == {(-1, 2e-7)}
     assert b2b is None
 
@@ -315,10 +315,10 @@ def test_opening_reads_no_sample_and_one_file_serves_all_positions(opened, monke
 def test_a_position_that_cannot_be_used_leaves_the_others(opened):
     found, _ = opened({"raw": IQ}, PLAIN.replace("[32, -50, 1.5]", "[0, 0, 28.4]"))
     assert isinstance(found[0], Recording)
-    assert "RX01: tx_position equals rx_position" in str(found[1])
+    assert "foreign-01: tx_position equals rx_position" in str(found[1])
     layout = PLAIN.replace("rx = [[31, -46, 1.4], [32, -50, 1.5]]", 'rx = { dataset = "rx" }')
     found, _ = opened({"raw": IQ, "rx": [[np.nan, 0, 0], [1, 2, 3]]}, layout)
-    assert "RX00: rx_position is [nan, 0.0, 0.0]; expected three finite metres" in str(found[0])
+    assert "foreign-00: rx_position is [nan, 0.0, 0.0]; expected three finite metres" in str(found[0])
     assert isinstance(found[1], Recording)
 
 

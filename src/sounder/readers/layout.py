@@ -58,7 +58,7 @@ def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording |
     found: list[Recording | DataError] = []
     for p in range(positions):
         recording = Recording(
-            name=layout.positions.name.format(p),
+            name=_name(layout, path, p),
             source=path,
             sounder=described,
             azimuth=azimuth,
@@ -217,6 +217,14 @@ def _require_grid(path: Path, shape: dict[str, int], directions: tuple[int, int]
         raise DataError(
             f"{path}: {shape['direction']} directions, but the grid has {directions[0]} x {directions[1]} values"
         )
+
+
+def _name(layout: Layout, path: Path, position: int) -> str:
+    """Name of a position; by default the file's where it holds one, and a number after it where it holds many."""
+    pattern = layout.positions.name
+    if pattern is None:
+        pattern = "{file}-{:02d}" if "position" in layout.captures.axes else "{file}"
+    return pattern.format(position, file=path.stem)
 
 
 def _reader(
