@@ -73,8 +73,8 @@ def plot_map(
         if not any(map(len, seen)):
             seen.append(outline.reshape(-1, 2))
     _frame(axes, np.vstack(seen) if seen else np.zeros((0, 2)))
-    axes.set_xlabel("east / m")
-    axes.set_ylabel("north / m")
+    axes.set_xlabel("East (m)")
+    axes.set_ylabel("North (m)")
     _legend_beside(axes)
     return axes
 
@@ -99,8 +99,8 @@ def plot_error_cdf(errors: Mapping[str, npt.ArrayLike], *, ax: "Axes | None" = N
             color=colour,
             label=f"{label} (n = {len(ordered)}, RMSE {rmse:.2g} m)",
         )
-    axes.set_xlabel("error / m")
-    axes.set_ylabel("share of reflection points")
+    axes.set_xlabel("Error (m)")
+    axes.set_ylabel("Share of reflection points")
     axes.set_ylim(0, 1.02)
     typical = [float(np.median(np.asarray(values))) for values in errors.values() if np.size(values)]
     if typical and max(typical) > WIDE * min(typical) > 0:  # side by side only a logarithm shows both
@@ -126,8 +126,8 @@ def plot_letter_points() -> "Figure":
     _points(left, points, "RP", "published RP")
     _points(left, np.zeros((1, 2)), "TX", "TX")
     left.set_title("Route 1", loc="left", fontsize="medium")
-    left.set_xlabel("east / m")
-    left.set_ylabel("north / m")
+    left.set_xlabel("East (m)")
+    left.set_ylabel("North (m)")
     left.set_aspect("equal")
     left.set_xlim(-8, 62)
     left.legend(loc="lower left", frameon=False, fontsize="small")
@@ -140,7 +140,7 @@ def plot_letter_points() -> "Figure":
     _points(right, numbered, "RP", "published RP")
     right.set_title("Route 2 (eastings are not printed)", loc="left", fontsize="medium")
     right.set_xlabel("number of the reflection point")
-    right.set_ylabel("north / m")
+    right.set_ylabel("North (m)")
     right.set_xlim(0.5, count + 0.5)
     right.set_ylim(-69, -48)
     right.legend(loc="center right", frameon=False, fontsize="small")

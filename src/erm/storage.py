@@ -48,9 +48,11 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         finally:
             os.close(descriptor)
         os.replace(temporary, target)
-    except BaseException:
+    except BaseException as error:
         with suppress(FileNotFoundError):
             temporary.unlink()
+        if isinstance(error, OSError):
+            raise DataError(f"{target}: cannot be written ({error.strerror or error}); is the disk full?") from error
         raise
 
 
@@ -90,8 +92,17 @@ def provenance(
         "source": SOFTWARE,
         "history": history,
         "software_version": __version__,
-        "input_sha256": json.dumps({Path(path).name: sha256(path) for path in inputs}, sort_keys=True),
+        "input_sha256": json.dumps(_hashes([Path(path) for path in inputs]), sort_keys=True),
         "processing_options": json.dumps(dict(options or {}), sort_keys=True, default=str),
+    }
+
+
+def _hashes(paths: list[Path]) -> dict[str, str]:
+    """Hash of each file by its name, with its folder where names alone are not different."""
+    names = [path.name for path in paths]
+    return {
+        path.name if names.count(path.name) == 1 else f"{path.absolute().parent.name}/{path.name}": sha256(path)
+        for path in paths
     }
 
 

@@ -35,7 +35,7 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
     single = out.suffix == ".h5"
     if single and (len(recordings) > 1 or b2b is not None):
         raise DataError(f"{path}: holds {len(recordings)} positions and more; pass a folder as --out, not {out}")
-    targets = Targets(out.parent if single else out)
+    targets = Targets(out.parent if single else out, [path])
     for recording in recordings:
         try:
             target = targets.claim(recording, name=out.stem if single else None)
@@ -45,5 +45,6 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
         else:
             outcome.products.append(target)
     if b2b is not None:
-        native.write_back_to_back(b2b, out / "back-to-back.h5", history="sounder convert", inputs=[path])
+        target = targets.reserve("back-to-back", f"{path}: the back-to-back recording")
+        native.write_back_to_back(b2b, target, history="sounder convert", inputs=[path])
     return outcome

@@ -42,6 +42,12 @@ def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
     """
     waveform = recording.sounder.waveform
     captures = b2b.captures
+    if not np.isfinite(captures).all():
+        raise DataError(f"{b2b.source}: back-to-back samples are NaN or infinite; record it again")
+    if captures.dtype == np.int16 and count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1)) > (
+        CLIPPED * captures.size
+    ):
+        raise DataError(f"{b2b.source}: the back-to-back captures are clipped; record them with less gain")
     complex_captures = captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]
     mean = complex_captures.mean(axis=0, dtype=complex)
     if mean.size == waveform.samples:
@@ -108,13 +114,14 @@ def impulse_responses(
         for (e, a), direction in zip(places, pool.map(work, places), strict=True):
             if direction.problem:
                 problems.append(Problem(float(recording.azimuth[a]), float(recording.elevation[e]), direction.problem))
-            if direction.cir is not None:
+            if direction.cir is not None and np.isfinite(direction.cir).all():
                 cir[a, e] = direction.cir * 10 ** (-recording.agc_gain[a, e] / 20)
                 coherence[a, e] = direction.coherence
             if progress is not None:
                 progress()
     if np.isnan(cir).all():
-        raise DataError(f"{recording.source}: {recording.name}: all samples are zero; record the position again")
+        what = problems[0].what.partition(";")[0] if problems else "no direction was recorded"
+        raise DataError(f"{recording.source}: {recording.name}: {what}, in all directions; record the position again")
     dataset = xr.Dataset(
         {
             "cir": (
@@ -138,6 +145,7 @@ def impulse_responses(
 BLOCK = 2**20
 """Samples read at a time, in bytes: they stay in the processor's second-level cache."""
 ZERO = "all samples are zero; left out"
+NOT_FINITE = "samples are NaN or infinite; left out"
 AZIMUTH = {"units": "degree", "long_name": "horn azimuth, counter-clockwise from east"}
 ELEVATION = {"units": "degree", "long_name": "horn elevation above the horizon"}
 DELAY = {"units": "s", "long_name": "propagation delay"}
@@ -161,6 +169,7 @@ class _Blocks:
         self.snapshots = recording.snapshots
         self._step = max(BLOCK // (4 * recording.sounder.waveform.samples), 1)
         self.signal = False
+        self._finite = True
         self._rails = 0
         self._numbers = 0
 
@@ -172,11 +181,15 @@ class _Blocks:
             if captures.dtype == np.int16:
                 self._rails += count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1))
                 self._numbers += captures.size
+            else:
+                self._finite = self._finite and bool(np.isfinite(captures).all())
             yield captures
 
     @property
     def problem(self) -> str | None:
         """What is wrong with the captures that have passed."""
+        if not self._finite:
+            return NOT_FINITE
         if not self.signal:
             return ZERO
         if self._rails > CLIPPED * self._numbers:

@@ -65,7 +65,7 @@ def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     truth = Environment.read(out / "truth" / "environment.geojson")
     score = score_map(environment, selected, merged, truth)
     with console.progress("drawing", len(OVERLAID) + 2) as advance:
-        _draw(environment, merged, truth, out / "figures", advance=advance)
+        _draw(environment, merged, truth, outcome.products, out / "figures", advance=advance)
     _print(score, out, positions=len(recordings), mpcs=table.sizes["mpc"])
     console.complain(complaints)
     return score
@@ -104,7 +104,13 @@ def _errors(accepted: xr.Dataset, outline: NDArray[np.float64]) -> dict[str, NDA
 
 
 def _draw(
-    environment: Environment, merged: xr.Dataset, truth: Environment, out: Path, *, advance: Callable[[], None]
+    environment: Environment,
+    merged: xr.Dataset,
+    truth: Environment,
+    products: list[Path],
+    out: Path,
+    *,
+    advance: Callable[[], None],
 ) -> None:
     """Draw map and error CDF, the letter's pairs of DAPS, and the figures of one position."""
     outline = outline_of(truth)
@@ -112,13 +118,12 @@ def _draw(
     accepted = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
     console.save_figure(plot_error_cdf(_errors(accepted, outline)), out / "error_cdf.png")
     advance()
-    products = out.parent / "products"
+    made = {product.stem: product for product in products}
     for first, second in OVERLAID:
-        pair = (products / f"{first}.h5", products / f"{second}.h5")
-        if pair[0].is_file() and pair[1].is_file():
-            draw_overlay(*pair, out)
+        if first in made and second in made:
+            draw_overlay(made[first], made[second], out)
         advance()
-    draw_product(next(iter(sorted(products.glob("*.h5")))), out)
+    draw_product(products[0], out)
     advance()
 
 

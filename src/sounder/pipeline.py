@@ -58,11 +58,20 @@ class Outcome:
 
 
 class Targets:
-    """File names for positions in one folder; no two positions get the same, none its own input's."""
+    """File names in one folder; no two outputs get the same, none that of an input.
 
-    def __init__(self, out: Path) -> None:
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    inputs : iterable of Path
+        Files that are read, and so never written to.
+    """
+
+    def __init__(self, out: Path, inputs: Iterable[Path]) -> None:
         self._out = out
-        self._taken: dict[Path, Path] = {}
+        self._inputs = {path.resolve() for path in inputs}
+        self._taken: dict[Path, str] = {}
 
     def claim(self, recording: Recording, name: str | None = None) -> Path:
         """Name the file of a position, after the position unless a name is given.
@@ -70,18 +79,28 @@ class Targets:
         Raises
         ------
         DataError
-            Another position has the name, or the file is the recording itself.
+            Another position has the name, or it is that of an input.
         """
-        name = name or re.sub(r"[^\w.+-]+", "_", recording.name).strip("._") or recording.source.stem
+        safe = re.sub(r"[^\w.+-]+", "_", recording.name).strip("._") or recording.source.stem
+        return self.reserve(name or safe, f"{recording.source}: position {recording.name}")
+
+    def reserve(self, name: str, who: str) -> Path:
+        """Name a file ``name.h5`` for ``who``, who is named in errors.
+
+        Raises
+        ------
+        DataError
+            Somebody else has the name, or it is that of an input.
+        """
         target = self._out / f"{name}.h5"
         if target in self._taken:
             raise DataError(
-                f"{recording.source}: position {recording.name} was already read from {self._taken[target]}; "
+                f"{who}: {target} is already taken by {self._taken[target]}; "
                 "give the positions different names or process them into different folders"
             )
-        if target.exists() and target.samefile(recording.source):
-            raise DataError(f"{recording.source}: the output would replace its input; choose another --out")
-        self._taken[target] = recording.source
+        if target.resolve() in self._inputs:
+            raise DataError(f"{who}: the output {target} would replace an input; choose another --out")
+        self._taken[target] = who
         return target
 
 
@@ -126,7 +145,7 @@ def process(
         The dask scheduler cannot be reached, or dask is not installed.
     """
     options = options or Options()
-    targets = Targets(out)
+    targets = Targets(out, {path for job in jobs for path in (job.recording.source, job.b2b.source)})
     outcome = Outcome()
     pairs: list[tuple[Job, Path]] = []
     for job in jobs:

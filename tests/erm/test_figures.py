@@ -34,8 +34,8 @@ def test_a_map_has_equal_axes_in_metres_and_a_legend_beside_it():
     axes = plot_map(environment, table=one_path(), outline=OUTLINE)
     axes.figure.canvas.draw()
     assert axes.get_aspect() == 1
-    assert axes.get_xlabel() == "east / m"
-    assert axes.get_ylabel() == "north / m"
+    assert axes.get_xlabel() == "East (m)"
+    assert axes.get_ylabel() == "North (m)"
     legend = axes.get_legend()
     assert {text.get_text() for text in legend.get_texts()} == {
         "merged wall",
@@ -83,7 +83,7 @@ def test_the_error_curve_climbs_from_nothing_to_all():
     x, y = axes.lines[0].get_data()
     np.testing.assert_allclose(x, [0.1, 0.1, 0.2, 0.3])  # no zero: the axis may be logarithmic
     np.testing.assert_allclose(y, [0, 1 / 3, 2 / 3, 1])
-    assert axes.get_xlabel() == "error / m"
+    assert axes.get_xlabel() == "Error (m)"
     assert "n = 3, RMSE 0.22 m" in axes.get_legend().get_texts()[0].get_text()
 
 

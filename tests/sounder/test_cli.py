@@ -361,7 +361,7 @@ def spoil(path: Path, what: str) -> None:
         ),
         ("nan", "RX1: rx_position is [12.0, nan, 1.5]; expected three finite metres"),
         ("same", "RX1: tx_position equals rx_position [4.0, 5.0, 3.0]; expected two places"),
-        ("zero", "RX1: all samples are zero; record the position again"),
+        ("zero", "RX1: all samples are zero, in all directions; record the position again"),
         ("damaged", "no iq in the file"),
     ],
 )
@@ -464,17 +464,28 @@ def test_a_back_to_back_of_zeros_is_told(copied, capsys):
 def test_a_product_never_replaces_its_recording(copied, capsys):
     before = digest(copied)
     assert run("process", copied / "RX1.h5", "--calibration", copied / "back-to-back.h5", "--out", copied) == 1
-    assert "the output would replace its input; choose another --out" in capsys.readouterr().err
+    assert "would replace an input; choose another --out" in capsys.readouterr().err
     assert digest(copied) == before
     assert run("convert", copied / "RX1.h5", "--out", copied / "RX1.h5") == 1
     assert digest(copied) == before
+
+
+@pytest.mark.parametrize("name", ["back-to-back", "RX2"])
+def test_a_product_never_replaces_another_input(copied, capsys, name):
+    with h5py.File(copied / "RX1.h5", "r+") as file:
+        file.attrs["position"] = name
+    before = digest(copied)
+    recordings = (copied / "RX1.h5", copied / "RX2.h5")
+    assert run("process", *recordings, "--calibration", copied / "back-to-back.h5", "--out", copied) == 1
+    assert f"position {name}: the output" in capsys.readouterr().err
+    assert {key: value for key, value in digest(copied).items() if key in before} == before
 
 
 def test_two_positions_of_one_name_are_told(copied, capsys):
     shutil.copy(copied / "RX1.h5", copied / "copy.h5")
     b2b = copied / "back-to-back.h5"
     assert run("process", copied / "RX1.h5", copied / "copy.h5", "--calibration", b2b, "--out", copied / "out") == 1
-    assert "copy.h5: position RX1 was already read from" in capsys.readouterr().err
+    assert "RX1.h5 is already taken by" in capsys.readouterr().err
     assert names(copied / "out") == ["RX1.h5"]
 
 

@@ -185,7 +185,7 @@ def test_clipped_directions_are_used_and_told(small_bench):
 
 
 def test_nothing_but_zeros_is_refused(small_bench):
-    with pytest.raises(DataError, match=r"rx1\.h5: RX1: all samples are zero; record the position again"):
+    with pytest.raises(DataError, match=r"rx1\.h5: RX1: all samples are zero, in all directions"):
         responses(small_bench, np.zeros((2, 1, 3, 1022, 2), np.int16))
 
 

@@ -296,3 +296,11 @@ def test_a_back_to_back_without_its_loss_is_refused(tmp_path, sounder):
         del file.attrs["attenuation"]
     with pytest.raises(DataError, match="expected the loss of the attenuator in dB"):
         native.back_to_back(path)
+
+
+@pytest.mark.parametrize(
+    "wanted", [slice(None, None, 2), slice(1, None), slice(None, None, -1), slice(3, 3), slice(-1, None)]
+)
+def test_any_slice_of_snapshots_is_what_numpy_would_take(path, wanted):
+    (back,) = open_recordings(path)
+    assert np.array_equal(back.captures(1, 1, wanted), np.asarray(back.captures(1, 1))[wanted])

@@ -149,10 +149,14 @@ def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Capture
         raise DataError(f"{path}: the file ends before its samples do; copy it again")
 
     def mapped(a: int, e: int, snapshots: slice) -> Captures:
-        first, last, _ = snapshots.indices(shape[2])
+        wanted = range(*snapshots.indices(shape[2]))
+        if not wanted:
+            return np.empty((0, *shape[3:]), np.int16)
+        first, last = min(wanted[0], wanted[-1]), max(wanted[0], wanted[-1])
         capture = 2 * shape[3] * shape[4]
         place = offset + ((a * shape[1] + e) * shape[2] + first) * capture
-        return np.memmap(path, np.int16, "r", place, (last - first, *shape[3:]))
+        piece = np.memmap(path, np.int16, "r", place, (last - first + 1, *shape[3:]))
+        return piece if wanted.step == 1 else piece[:: wanted.step]
 
     def read(a: int, e: int, snapshots: slice) -> Captures:
         try:
