@@ -13,13 +13,15 @@ import numpy.typing as npt
 
 from sounder.kernels.beam_fit import beam_amplitude, fit_angles
 from sounder.kernels.compile import jit, part
-from sounder.kernels.pulse import add_pulse, amplitude_at, fit_delay, pulse_at
+from sounder.kernels.pulse import FIT_REACH, add_pulse, amplitude_at, fit_delay, pulse_at
 
 Real = npt.NDArray[np.float64]
 Beams = npt.NDArray[np.complex64]
 
 BLOCK = 32
 """Delays in a block of the search."""
+TOGETHER = 3
+"""Rounds of fitting paths again that share samples with a new one."""
 
 (
     DELAY,
@@ -38,8 +40,9 @@ pattern's amplitude from that beam toward it."""
 COLUMNS = 10
 CLEARLY = 0.25
 """Residual power, relative to that of a fit from the beam's own direction, at which a fit from outside the fan wins."""
-SURELY = 8.0
-"""By how much, in units of the noise power, it must be smaller besides: 4 standard deviations of the magnitudes."""
+SURELY = 2.0
+"""By how much, in units of the noise power, it must be smaller besides: 2 standard deviations of the magnitudes, which
+have half the noise power as variance. More would bend the well measured paths from just above the fan into it."""
 
 
 @jit
@@ -147,20 +150,39 @@ def cancel(
         found[count, LEFT_OVER] = _power_around(beams[b], found[count, DELAY])
         _mark(ghost, looks, azimuth_cut, elevation_cut, pattern_floor, table, over, leftover, found[count])
         ghost[b, k] = np.inf
-        _update(beams, ghost, threshold, peak, found[count, DELAY], table, over)
-        if not _within_another(found, count, resolution, n_delays):
-            count += 1
-        else:
+        if _within_another(found, count, resolution, n_delays):
             taken[count] = 0
+            _update(beams, ghost, threshold, peak, found[count, DELAY], table, over)
+            continue
+        count += 1
+        # A path whose pulse holds another's is fitted wrong, and what is left of both looks like more paths: fit such
+        # groups again at once, before their remainders are searched.
+        for _ in range(TOGETHER):
+            for i in range(count):
+                if _apart(found[i, DELAY], found[count - 1, DELAY], n_delays) < 2 * FIT_REACH:
+                    _fit_again(
+                        beams,
+                        noise,
+                        looks,
+                        grid,
+                        limits,
+                        azimuth_cut,
+                        elevation_cut,
+                        pattern_floor,
+                        table,
+                        over,
+                        margin,
+                        found[i],
+                        taken[i],
+                    )
+        for i in range(count):
+            if _apart(found[i, DELAY], found[count - 1, DELAY], n_delays) < 2 * FIT_REACH:
+                _update(beams, ghost, threshold, peak, found[i, DELAY], table, over)
     complete = bool(np.max(peak) <= 0.0)
     for _ in range(passes):
         for i in range(count):
-            _give_back(beams, table, over, found[i], taken[i])
-            b = int(found[i, BEAM])
-            _fit(
+            _fit_again(
                 beams,
-                b,
-                found[i, DELAY],
                 noise,
                 looks,
                 grid,
@@ -170,22 +192,10 @@ def cancel(
                 pattern_floor,
                 table,
                 over,
-                found[i],
-            )
-            _take(
-                beams,
-                noise,
-                looks,
-                azimuth_cut,
-                elevation_cut,
-                pattern_floor,
-                table,
-                over,
                 margin,
                 found[i],
                 taken[i],
             )
-            found[i, LEFT_OVER] = _power_around(beams[b], found[i, DELAY])
     return _keep(found, count, threshold), complete
 
 
@@ -348,6 +358,37 @@ def _give_back(beams: Beams, table: npt.NDArray[np.complex128], over: int, row: 
 
 
 @part
+def _fit_again(
+    beams: Beams,
+    noise: Real,
+    looks: Real,
+    grid: npt.NDArray[np.int64],
+    limits: Real,
+    azimuth_cut: Real,
+    elevation_cut: Real,
+    pattern_floor: float,
+    table: npt.NDArray[np.complex128],
+    over: int,
+    margin: float,
+    row: Real,
+    taken: Beams,
+) -> None:
+    """Put a path back and fit it to what the others left."""
+    _give_back(beams, table, over, row, taken)
+    b = int(row[BEAM])
+    _fit(beams, b, row[DELAY], noise, looks, grid, limits, azimuth_cut, elevation_cut, pattern_floor, table, over, row)
+    _take(beams, noise, looks, azimuth_cut, elevation_cut, pattern_floor, table, over, margin, row, taken)
+    row[LEFT_OVER] = _power_around(beams[b], row[DELAY])
+
+
+@part
+def _apart(delay: float, other: float, period: int) -> float:
+    """Distance of two delays on the circle [sample]."""
+    late = abs(delay - other)
+    return min(late, period - late)
+
+
+@part
 def _mark(
     ghost: npt.NDArray[np.float32],
     looks: Real,
@@ -414,8 +455,7 @@ def _power_around(row: Beams, delay: float) -> float:
 @part
 def _within_another(found: Real, count: int, resolution: Real, period: int) -> bool:
     for i in range(count):
-        late = abs(found[i, DELAY] - found[count, DELAY])
-        late = min(late, period - late)
+        late = _apart(found[i, DELAY], found[count, DELAY], period)
         turn = abs((found[i, AZIMUTH] - found[count, AZIMUTH] + 180.0) % 360.0 - 180.0)
         tilt = abs(found[i, ELEVATION] - found[count, ELEVATION])
         if late < resolution[0] and turn < resolution[1] and tilt < resolution[2]:
