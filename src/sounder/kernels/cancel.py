@@ -159,7 +159,7 @@ def cancel(
         # groups again at once, before their remainders are searched.
         for _ in range(TOGETHER):
             for i in range(count):
-                if _apart(found[i, DELAY], found[count - 1, DELAY], n_delays) < 2 * FIT_REACH:
+                if _share(found[i], found[count - 1], 3 * limits[0], n_delays):
                     _fit_again(
                         beams,
                         noise,
@@ -176,7 +176,7 @@ def cancel(
                         taken[i],
                     )
         for i in range(count):
-            if _apart(found[i, DELAY], found[count - 1, DELAY], n_delays) < 2 * FIT_REACH:
+            if _share(found[i], found[count - 1], 3 * limits[0], n_delays):
                 _update(beams, ghost, threshold, peak, found[i, DELAY], table, over)
     complete = bool(np.max(peak) <= 0.0)
     for _ in range(passes):
@@ -379,6 +379,13 @@ def _fit_again(
     _fit(beams, b, row[DELAY], noise, looks, grid, limits, azimuth_cut, elevation_cut, pattern_floor, table, over, row)
     _take(beams, noise, looks, azimuth_cut, elevation_cut, pattern_floor, table, over, margin, row, taken)
     row[LEFT_OVER] = _power_around(beams[b], row[DELAY])
+
+
+@part
+def _share(row: Real, other: Real, azimuth: float, period: int) -> bool:
+    """Tell whether two paths are fitted to samples that both are in."""
+    turn = abs((row[AZIMUTH] - other[AZIMUTH] + 180.0) % 360.0 - 180.0)
+    return _apart(row[DELAY], other[DELAY], period) < 2 * FIT_REACH and turn < azimuth
 
 
 @part
