@@ -40,9 +40,10 @@ pattern's amplitude from that beam toward it."""
 COLUMNS = 10
 CLEARLY = 0.25
 """Residual power, relative to that of a fit from the beam's own direction, at which a fit from outside the fan wins."""
-SURELY = 2.0
-"""By how much, in units of the noise power, it must be smaller besides: 2 standard deviations of the magnitudes, which
-have half the noise power as variance. More would bend the well measured paths from just above the fan into it."""
+SURELY = 1.0
+"""By how much, in units of the noise power over the pattern's amplitude out there, it must be smaller besides. Just
+above the fan 2 to 4 noise powers suffice, 2 to 3 standard deviations of the magnitudes; far out, where a path would
+have to be 20 dB stronger than it looks, 10."""
 
 
 @jit
@@ -307,7 +308,8 @@ def _fit(
         near_fan = start_ == 0 or outward * (result[1] - edge) <= 0.0
         if near_fan:
             inside = min(inside, cost)
-        if cost < best and (near_fan or (cost < CLEARLY * inside and cost < inside - SURELY * noise[b])):
+        seen = beam_amplitude(result[0], result[1], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, pattern_floor)
+        if cost < best and (near_fan or (cost < CLEARLY * inside and cost < inside - SURELY * noise[b] / seen)):
             best = cost
             row[AZIMUTH : AMPLITUDE_STD + 1] = result
     row[DELAY] = delay

@@ -52,7 +52,7 @@ def run(beams, *, noise=1e-8, capacity=50, passes=2):
         OVER,
         np.array([1.1, 5.0, 9.0]),
         2.0,
-        np.array([0.1, 2 * 10**-1.5]),
+        np.array([0.1, 2.0, 10**-1.5]),
         passes,
         found,
     )
