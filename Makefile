@@ -22,6 +22,7 @@ docs: $(READY)
 	$(BIN)/mkdocs build --strict
 
 bench: $(READY)
+	$(INSTALL) --editable '.[cluster]' --group bench
 	$(BIN)/python benchmarks/run.py
 
 clean:

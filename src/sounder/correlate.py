@@ -44,15 +44,18 @@ def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
     captures = b2b.captures
     if not np.isfinite(captures).all():
         raise DataError(f"{b2b.source}: back-to-back samples are NaN or infinite; record it again")
-    if captures.dtype == np.int16 and count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1)) > (
-        CLIPPED * captures.size
-    ):
+    if captures.dtype == np.int16 and clipped(captures) > CLIPPED:
         raise DataError(f"{b2b.source}: the back-to-back captures are clipped; record them with less gain")
     complex_captures = captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]
     mean = complex_captures.mean(axis=0, dtype=complex)
     if mean.size == waveform.samples:
         mean = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip).correlate_mean(mean)
     return deembedding(b2b, mean, recording.sounder, recording.scale_factor)
+
+
+def clipped(captures: Captures) -> float:
+    """Share of the numbers of int16 captures at the ends of the converter's range."""
+    return count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1))[0] / captures.size
 
 
 def impulse_responses(
@@ -177,11 +180,13 @@ class _Blocks:
         self._rails = self._numbers = 0
         for first in range(0, self._recording.snapshots, self._step):
             captures = self._recording.captures(*self._place, slice(first, first + self._step))
-            self.signal = self.signal or bool(captures.any())
             if captures.dtype == np.int16:
-                self._rails += count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1))
+                rails, signal = count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1))
+                self._rails += rails
                 self._numbers += captures.size
+                self.signal = self.signal or signal
             else:
+                self.signal = self.signal or bool(captures.any())
                 self._finite = self._finite and bool(np.isfinite(captures).all())
             yield captures
 

@@ -8,8 +8,7 @@ import numpy as np
 from erm.errors import DataError
 from erm.storage import open_group
 from sounder.config import Sounder
-from sounder.correlate import CLIPPED
-from sounder.kernels.rails import count_rails
+from sounder.correlate import CLIPPED, clipped
 from sounder.readers import native, open_recordings
 from sounder.recording import BackToBack, Recording
 from sounder.waveform import identify
@@ -51,13 +50,13 @@ def describe_recording(recording: Recording) -> Lines:
         parts = 1 if captures.dtype.kind == "c" else 2
         levels.append(10 * np.log10(power * parts) - recording.agc_gain[a, e])
         if captures.dtype == np.int16:
-            rails.append(count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1)) / captures.size)
-    clipped = sum(fraction > CLIPPED for fraction in rails)
+            rails.append(clipped(captures))
+    at_rails = sum(share > CLIPPED for share in rails)
     scale = 20 * np.log10(recording.scale_factor)
     health = [
         f"{len(recording.missing)} directions missing" if recording.missing else "no direction missing",
         f"{zeros} all zero" if zeros else "none zero",
-        f"{clipped} clipped" if clipped else "none clipped",
+        f"{at_rails} clipped" if at_rails else "none clipped",
     ]
     return [
         ("kind", "raw recording"),
