@@ -60,11 +60,7 @@ def write_recording(folder: Path, name: str, snapshots: int, distinct: int = 16,
         return np.take(blocks[a, e], np.arange(*wanted.indices(snapshots)) % len(blocks[a, e]), axis=0)
 
     target = folder / f"{name}.h5"
-    fields = {key: getattr(made, key) for key in Recording.__dataclass_fields__} | {
-        "snapshots": snapshots,
-        "read": read,
-    }
-    native.write_recording(Recording(**fields), target, history="benchmark")
+    native.write_recording(replace(made, snapshots=snapshots, read=read), target, history="benchmark")
     return target
 
 
