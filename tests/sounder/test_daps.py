@@ -78,6 +78,17 @@ def test_omnidirectional_profile_of_a_path_is_its_gain(bench, offset):
     assert strongest == pytest.approx(-100.0 - 12 * (offset / 10) ** 2, abs=0.1)
 
 
+@pytest.mark.parametrize("azimuth", [0.0, 40.0])
+def test_omnidirectional_profile_is_right_in_the_mean_over_the_scan(bench, azimuth):
+    """The beams' overlap is taken out as it is over the directions looked at; alike at every azimuth of a circle."""
+    linear = []
+    for elevation in (-9.0, 0.0, 9.0):
+        product = daps(bench.scan([(-100.0, PATH[1], azimuth, elevation)]), bench.sounder)
+        linear.append(10 ** (float(product["pdp"].max()) / 10))
+    # the peak of the pulse at a sample is known to the CIR's rounding in complex64
+    assert 10 * np.log10(np.mean(linear)) == pytest.approx(-100.0, abs=1e-3)
+
+
 def test_maximum_profile_of_a_single_beam_is_its_daps(bench_maker, description):
     single = bench_maker(description(scan={"azimuth": (40.0,), "elevation": (0.0,)}))
     for how in ("sum", "maximum"):

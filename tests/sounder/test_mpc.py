@@ -1,5 +1,7 @@
 """Paths in, the same paths out, with honest errors, and nothing that was not there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -131,6 +133,17 @@ def test_a_horn_that_differs_from_its_pattern_makes_no_paths(bench, bench_maker,
         table = strong(mpcs(bench, [], scan=cir), below=30.0)
         assert table.sizes["mpc"] == 1, (seed, path, table["azimuth"].values, table["path_gain"].values)
         assert abs(turn(table["azimuth"][0], path[2])) < 1.0
+
+
+def test_an_instrument_that_changed_since_its_back_to_back_makes_no_paths(bench):
+    """An echo of the instrument itself, 20 dB down and half a nanosecond late, widens the pulse; it is no path."""
+    rng = np.random.default_rng(18)
+    for seed in range(10):
+        path = -100.0, rng.uniform(30e-9, 840e-9), rng.uniform(0, 360), rng.uniform(-9, 9)
+        echo = 0.1 * np.exp(2j * np.pi * rng.random()) * np.exp(-2j * np.pi * bench.frequency * 0.5e-9)
+        changed = replace(bench, system=bench.system * (1 + echo))
+        table = mpcs(bench, [], scan=changed.scan([path], noise=-100.0 + HORN - 60.0, seed=seed))
+        assert (np.abs(table["delay"] - path[1]) < 5e-9).sum() == 1, (seed, path, table["path_gain"].values)
 
 
 def test_paths_outside_the_fan_are_not_given_a_wrong_direction(bench):

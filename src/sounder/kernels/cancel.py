@@ -419,7 +419,10 @@ def _mark(
         )
         level = (row[AMPLITUDE] * max(leftover[0] * g, leftover[1] * min(g, leftover[2]))) ** 2
         for k in range(centre - reach, centre + reach + 1):
-            shape = abs(pulse_at(table, over, k - row[DELAY])) ** 2
+            # A remainder is shaped as the pulse or its derivative, so as wide as the pulse and a sample on either side.
+            shape = 0.0
+            for aside in range(-1, 2):
+                shape = max(shape, abs(pulse_at(table, over, k - row[DELAY] + aside)) ** 2)
             ghost[b, k % size] = max(ghost[b, k % size], level * shape)
 
 
