@@ -11,7 +11,8 @@ from sounder.antenna import Pattern
 from sounder.calibration import Deembedding
 from sounder.config import Sounder
 from sounder.daps import noise_power
-from sounder.kernels import cancel as kernel
+from sounder.kernels import path
+from sounder.kernels.cancel import cancel
 
 Threshold = Literal["usc", "nyu"]
 
@@ -89,14 +90,12 @@ def extract(
     width_elevation = sounder.rx_antenna.hpbw_elevation or 180.0
     bandwidth = np.ptp(np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate)[filter_.weight > 0])
     cell = filter_.sample_rate / bandwidth
-    found = np.zeros((CAPACITY, kernel.COLUMNS))
-    count, complete = kernel.cancel(
-        beams,
-        _thresholds(beams, noise, threshold),
-        noise,
-        looks,
-        np.array([azimuth.size, elevation.size, int(around)]),
-        np.array(
+    found = np.zeros((CAPACITY, path.COLUMNS))
+    view = path.View(
+        noise=noise,
+        looks=looks,
+        grid=np.array([azimuth.size, elevation.size, int(around)]),
+        limits=np.array(
             [
                 max(step_azimuth, width_azimuth / 2),
                 elevation.min() - 2 * width_elevation,
@@ -104,19 +103,24 @@ def extract(
                 width_elevation,
             ]
         ),
-        pattern.azimuth_cut,
-        pattern.elevation_cut,
-        pattern.floor,
-        _pulse_table(filter_, reach=int(np.ceil(16 * cell))),
-        OVER,
+        azimuth_cut=pattern.azimuth_cut,
+        elevation_cut=pattern.elevation_cut,
+        floor=pattern.floor,
+        table=_pulse_table(filter_, reach=int(np.ceil(16 * cell))),
+        over=OVER,
+    )
+    count, complete = cancel(
+        beams,
+        _thresholds(beams, noise, threshold),
+        view,
         np.array([cell, width_azimuth / 2, width_elevation]),
         MARGIN,
         np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0]),
         PASSES,
         found,
     )
-    found = found[:count][np.argsort(-found[:count, kernel.AMPLITUDE])]
-    located = _located(found, pattern) & ~(found[:, kernel.AZIMUTH_STD] > width_azimuth / 2)
+    found = found[:count][np.argsort(-found[:count, path.AMPLITUDE])]
+    located = _located(found, pattern) & ~(found[:, path.AZIMUTH_STD] > width_azimuth / 2)
     table = _table(found[located], noise, filter_, sounder, distance, fans=elevation.size > 1)
     return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()), complete=int(complete))
 
@@ -130,7 +134,7 @@ def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
     if not pattern.directive:
         return np.ones(len(found), bool)
     least = 10 ** ((pattern.sidelobe_level + LOCATED) / 20)
-    located: NDArray[np.bool_] = found[:, kernel.OFF_BORESIGHT] > least
+    located: NDArray[np.bool_] = found[:, path.OFF_BORESIGHT] > least
     return located
 
 
@@ -171,18 +175,18 @@ def _table(
     *,
     fans: bool,
 ) -> xr.Dataset:
-    delay = found[:, kernel.DELAY] / filter_.sample_rate
+    delay = found[:, path.DELAY] / filter_.sample_rate
     period = sounder.waveform.period
     earliest = distance / c - DIRECT_GUARD
     delay = earliest + (delay - earliest) % period
-    amplitude = found[:, kernel.AMPLITUDE]
-    in_beam = amplitude * found[:, kernel.OFF_BORESIGHT]
-    around = np.maximum(noise[found[:, kernel.BEAM].astype(int)], found[:, kernel.LEFT_OVER])
+    amplitude = found[:, path.AMPLITUDE]
+    in_beam = amplitude * found[:, path.OFF_BORESIGHT]
+    around = np.maximum(noise[found[:, path.BEAM].astype(int)], found[:, path.LEFT_OVER])
     columns = {
         "delay": (delay, "s", "propagation delay"),
-        "azimuth": (found[:, kernel.AZIMUTH] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
+        "azimuth": (found[:, path.AZIMUTH] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
         "elevation": (
-            found[:, kernel.ELEVATION] if fans else np.full(len(found), np.nan),
+            found[:, path.ELEVATION] if fans else np.full(len(found), np.nan),
             "degree",
             "elevation of arrival above the horizon",
         ),
@@ -196,10 +200,10 @@ def _table(
             "s",
             "standard deviation of delay",
         ),
-        "azimuth_std": (found[:, kernel.AZIMUTH_STD], "degree", "standard deviation of azimuth"),
-        "elevation_std": (found[:, kernel.ELEVATION_STD], "degree", "standard deviation of elevation"),
+        "azimuth_std": (found[:, path.AZIMUTH_STD], "degree", "standard deviation of azimuth"),
+        "elevation_std": (found[:, path.ELEVATION_STD], "degree", "standard deviation of elevation"),
         "path_gain_std": (
-            20 / np.log(10) * found[:, kernel.AMPLITUDE_STD] / amplitude,
+            20 / np.log(10) * found[:, path.AMPLITUDE_STD] / amplitude,
             "dB",
             "standard deviation of path gain",
         ),

@@ -199,6 +199,10 @@ def process_position(
     outcome.failures += [f"{who}: azimuth {p.azimuth:g}, elevation {p.elevation:g}: {p.what}" for p in problems]
     if recording.missing:
         outcome.notes.append(_missing(recording, who))
+    if not groups["/mpc"].attrs["complete"]:
+        outcome.notes.append(
+            f"{who}: more paths than an MPC table holds; the weakest are left out"
+        )
     kept = _coherence(groups["/daps"])
     if kept < INCOHERENT:
         outcome.notes.append(

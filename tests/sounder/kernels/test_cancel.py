@@ -5,7 +5,8 @@ import pytest
 
 from sounder.antenna import Pattern
 from sounder.config import Antenna
-from sounder.kernels import cancel as kernel
+from sounder.kernels import path
+from sounder.kernels.cancel import cancel
 
 OVER = 64
 REACH = 20
@@ -36,20 +37,22 @@ def beams_of(paths, rng):
 
 def run(beams, *, noise=1e-8, capacity=50, passes=2):
     left = beams.astype(np.complex64)
-    found = np.zeros((capacity, kernel.COLUMNS))
+    found = np.zeros((capacity, path.COLUMNS))
     level = np.where(np.isfinite(beams[:, 0]), noise, np.nan)
-    count, complete = kernel.cancel(
+    count, complete = cancel(
         left,
         np.where(np.isfinite(level), level * 10**1.2, np.inf),
-        level,
-        LOOKS,
-        np.array([36, 3, 1]),
-        np.array([10.0, -27.0, 27.0, 9.0]),
-        PATTERN.azimuth_cut,
-        PATTERN.elevation_cut,
-        PATTERN.floor,
-        TABLE,
-        OVER,
+        path.View(
+            noise=level,
+            looks=LOOKS,
+            grid=np.array([36, 3, 1]),
+            limits=np.array([10.0, -27.0, 27.0, 9.0]),
+            azimuth_cut=PATTERN.azimuth_cut,
+            elevation_cut=PATTERN.elevation_cut,
+            floor=PATTERN.floor,
+            table=TABLE,
+            over=OVER,
+        ),
         np.array([1.1, 5.0, 9.0]),
         2.0,
         np.array([0.1, 2.0, 10**-1.5]),
@@ -69,8 +72,8 @@ def test_paths_are_found_and_nothing_is_left():
     found, left, complete = run(beams_of(paths, rng) + noise_of(rng))
     assert complete
     assert len(found) == 3
-    order = np.argsort(-found[:, kernel.AMPLITUDE])
-    columns = [kernel.AMPLITUDE, kernel.DELAY, kernel.AZIMUTH, kernel.ELEVATION]
+    order = np.argsort(-found[:, path.AMPLITUDE])
+    columns = [path.AMPLITUDE, path.DELAY, path.AZIMUTH, path.ELEVATION]
     expected = np.array(paths)
     got = found[order][:, columns]
     got[:, 2] = expected[:, 2] + (got[:, 2] - expected[:, 2] + 180) % 360 - 180
@@ -87,7 +90,7 @@ def test_missing_beams_are_passed_over():
     beams[60:] = np.nan
     found, left, _ = run(beams)
     assert len(found) == 1
-    assert found[0, kernel.AZIMUTH] == pytest.approx(3.0, abs=0.01)
+    assert found[0, path.AZIMUTH] == pytest.approx(3.0, abs=0.01)
     assert np.isfinite(left[:60]).all()
     assert np.isnan(left[60:]).all()
 
@@ -118,8 +121,8 @@ def test_paths_within_each_others_pulse_are_told_apart(apart, tolerance):
         paths = np.array([(1.0, delay, azimuth, 0.0), (0.6, delay + apart, azimuth + more, 0.0)])
         found, *_ = run(beams_of(paths, rng) + noise_of(rng, 1e-6), noise=1e-6)
         assert len(found) == 2, (delay, azimuth)
-        found = found[np.argsort(-found[:, kernel.AMPLITUDE])]
-        got = found[:, [kernel.AMPLITUDE, kernel.DELAY]]
+        found = found[np.argsort(-found[:, path.AMPLITUDE])]
+        got = found[:, [path.AMPLITUDE, path.DELAY]]
         # noise at -60 dB: 1e-3 / sqrt(2) of amplitude, divided by 0.8 rad a sample of delay, and by 0.6; four times.
         # The rest is what rounds of fitting leave of an overlap of 0.2 at 2.7 samples and under 0.1 from 3 on.
         np.testing.assert_allclose(got, paths[:, :2], atol=tolerance + 4e-3)
