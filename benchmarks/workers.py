@@ -14,7 +14,8 @@ import numpy as np
 from distributed import LocalCluster
 
 from sounder.intake import gather
-from sounder.pipeline import Options, process
+from sounder.pipeline import process
+from sounder.position import Options
 
 POSITIONS, SNAPSHOTS, ROUNDS = 12, 200, 3
 

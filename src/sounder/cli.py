@@ -11,7 +11,7 @@ from erm import console
 from erm.errors import DataError
 
 if TYPE_CHECKING:
-    from sounder.pipeline import Outcome
+    from sounder.position import Outcome
 
 app = typer.Typer(
     add_completion=False,
@@ -145,7 +145,8 @@ def process(
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
     from sounder.intake import gather
-    from sounder.pipeline import Options, process
+    from sounder.pipeline import process
+    from sounder.position import Options
 
     options = Options(
         averaging=averaging.value,

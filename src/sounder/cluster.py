@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from erm.errors import DataError
 from sounder.intake import Job, Source, reopen
 from sounder.kernels.directions import processors
-from sounder.pipeline import Filters, Options, Outcome, process_position
+from sounder.position import Filters, Options, Outcome, process_position
 
 if TYPE_CHECKING:
     from distributed import Client

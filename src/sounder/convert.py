@@ -4,7 +4,8 @@ from pathlib import Path
 
 from erm.errors import DataError
 from sounder.intake import open_file
-from sounder.pipeline import Outcome, Targets
+from sounder.pipeline import Targets
+from sounder.position import Outcome
 from sounder.readers import native
 
 

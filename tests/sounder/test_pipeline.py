@@ -9,9 +9,10 @@ import xarray as xr
 
 from erm.errors import DataError
 from erm.storage import open_group
-from sounder import pipeline, twin
+from sounder import position, twin
 from sounder.intake import Job, Source, gather
-from sounder.pipeline import Options, process
+from sounder.pipeline import process
+from sounder.position import Options
 from sounder.readers import native
 
 WAVEFORM = {"order": 7, "polynomial": [7, 1, 0], "chip_rate": 6e8, "samples_per_chip": 2, "sample_rate": 1.2e9}
@@ -112,8 +113,8 @@ def test_options_stand_in_the_product(jobs, tmp_path):
 
 def test_one_filter_serves_a_campaign(jobs, tmp_path, monkeypatch):
     made = []
-    calibrate = pipeline.calibrate
-    monkeypatch.setattr(pipeline, "calibrate", lambda *args: (made.append(1), calibrate(*args))[1])
+    calibrate = position.calibrate
+    monkeypatch.setattr(position, "calibrate", lambda *args: (made.append(1), calibrate(*args))[1])
     process(jobs("A", "B", "C"), tmp_path / "out")
     assert len(made) == 1
 

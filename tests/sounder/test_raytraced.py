@@ -8,7 +8,7 @@ import pytest
 from scipy.constants import c
 
 from sounder.intake import gather
-from sounder.pipeline import Filters, Options, position
+from sounder.position import Filters, Options, products_of
 
 LAYOUT = Path(__file__).parents[2] / "examples" / "layouts" / "raytraced.toml"
 
@@ -22,7 +22,7 @@ def scene(request, shared_data):
     filters, options = Filters(), Options()
     found = []
     for job in jobs:
-        groups, problems = position(job.recording, filters.of(job), options)
+        groups, problems = products_of(job.recording, filters.of(job), options)
         assert problems == []
         mpc = groups["/mpc"]
         found.append((job.recording.tx_position, job.recording.rx_position, mpc["delay"].values, mpc["azimuth"].values))

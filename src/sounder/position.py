@@ -1,0 +1,171 @@
+"""One position: from its recording to its product, or to what is wrong with it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from erm.errors import DataError
+from erm.storage import provenance, write_product
+from sounder.calibration import Deembedding
+from sounder.correlate import Averaging, Problem, calibrate, impulse_responses
+from sounder.daps import Omnidirectional, daps
+from sounder.intake import Job
+from sounder.mpc import Threshold, extract
+from sounder.recording import Recording
+
+INCOHERENT = 0.5
+"""Share of the strongest direction's power kept by coherent averaging under which a note is made."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How recordings are processed; stored in every product."""
+
+    averaging: Averaging = "coherent"
+    threshold: Threshold = "usc"
+    omnidirectional: Omnidirectional = "sum"
+    keep_cir: bool = False
+
+
+@dataclass
+class Outcome:
+    """What became of a batch.
+
+    Attributes
+    ----------
+    products : list of Path
+        Written files.
+    failures : list of str
+        One line each: what could not be processed, or only in part.
+    notes : list of str
+        One line each: what was processed although something was missing.
+    """
+
+    products: list[Path] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, other: "Outcome") -> None:
+        """Add what became of another part of the batch."""
+        self.products += other.products
+        self.failures += other.failures
+        self.notes += other.notes
+
+
+class Filters:
+    """De-embedding filters made so far; the positions of a campaign share one."""
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[Path, str, float], Deembedding] = {}
+
+    def of(self, job: Job) -> Deembedding:
+        """Return the filter of a job, made when it is first asked for."""
+        recording = job.recording
+        key = (job.b2b.source, recording.sounder.model_dump_json(), recording.scale_factor)
+        if key not in self._made:
+            self._made[key] = calibrate(job.b2b, recording)
+        return self._made[key]
+
+
+def process_position(
+    job: Job, target: Path, options: Options, *, filters: Filters, threads: int | None = None
+) -> Outcome:
+    """Process one position into its product; what is wrong with it is told, not raised."""
+    recording = job.recording
+    try:
+        groups, problems = products_of(recording, filters.of(job), options, threads=threads)
+        groups["/"].attrs.update(_origin(job, options))
+        write_product(groups, target)
+    except DataError as error:
+        return Outcome(failures=[str(error)])
+    who = f"{recording.source}: {recording.name}"
+    outcome = Outcome(products=[target])
+    outcome.failures += [f"{who}: azimuth {p.azimuth:g}, elevation {p.elevation:g}: {p.what}" for p in problems]
+    if recording.missing:
+        outcome.notes.append(_missing(recording, who))
+    if not groups["/mpc"].attrs["complete"]:
+        outcome.notes.append(f"{who}: more paths than an MPC table holds; the weakest are left out")
+    kept = _coherence(groups["/daps"])
+    if kept < INCOHERENT:
+        outcome.notes.append(
+            f"{who}: coherent averaging keeps {100 * kept:.0f} % of the strongest direction's power; "
+            "the phase drifts between snapshots: try --averaging phase-aligned"
+        )
+    return outcome
+
+
+def products_of(
+    recording: Recording, filter_: Deembedding, options: Options, *, threads: int | None = None
+) -> tuple[dict[str, xr.Dataset], list[Problem]]:
+    """Process one position.
+
+    Returns
+    -------
+    groups : dict of str to xarray.Dataset
+        Root, ``/daps``, ``/mpc`` and, if kept, ``/cir``.
+    problems : list of Problem
+        Directions in which something is wrong.
+
+    Raises
+    ------
+    DataError
+        Nothing in the recording can be used.
+    """
+    cir, problems = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
+    distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
+    groups = {
+        "/": _root(recording, problems),
+        "/daps": daps(cir, recording.sounder, omnidirectional=options.omnidirectional),
+        "/mpc": extract(cir, filter_, recording.sounder, distance=distance, threshold=options.threshold),
+    }
+    if options.keep_cir:
+        groups["/cir"] = cir
+    return groups, problems
+
+
+def _coherence(daps_: xr.Dataset) -> float:
+    """Coherence of the direction with the most power; 1 where it was not measured."""
+    if "coherence" not in daps_:
+        return 1.0
+    strongest = int(np.nanargmax(daps_["daps"].max("delay").values))
+    return float(daps_["coherence"].values.flat[strongest])
+
+
+def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
+    return xr.Dataset(
+        {
+            f"{end}_position": (
+                ("position", "xyz"),
+                getattr(recording, f"{end}_position")[None],
+                {"units": "m", "long_name": f"{end.upper()} position, east, north, up"},
+            )
+            for end in ("tx", "rx")
+        },
+        coords={"position": ("position", [recording.name]), "xyz": ("xyz", ["east", "north", "up"])},
+        attrs={
+            "frequency": recording.sounder.carrier.frequency,
+            "los": recording.los,
+            "sounder": recording.sounder.model_dump_json(),
+            "missing_directions": len(recording.missing),
+            "problem_directions": len(problems),
+        },
+    )
+
+
+def _origin(job: Job, options: Options) -> dict[str, Any]:
+    sources = {path for path in (job.recording.source, job.b2b.source) if path.is_file()}
+    return provenance("Processed captures of one position", "sounder process", inputs=sources, options=vars(options))
+
+
+def _missing(recording: Recording, who: str) -> str:
+    missing = recording.missing
+    shown = ", ".join(f"({a:g}, {e:g})" for a, e in missing[:3])
+    more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+    wanted = len(recording.sounder.scan.azimuth) * len(recording.sounder.scan.elevation)
+    return (
+        f"{who}: {len(missing)} of {wanted} directions missing: (azimuth, elevation) {shown}{more}; "
+        "processed without them"
+    )
