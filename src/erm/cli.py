@@ -14,6 +14,7 @@ app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # markup would swallow units in brackets
     help="Reconstruct the environment from multipath components, judge it, and predict from it.",
 )
 Point = tuple[float, float, float]

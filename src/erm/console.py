@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+
 
 def run(app: "typer.Typer") -> None:
     """Run a command line: exit with 0 if all is done, 1 if something in the data failed, 2 on wrong usage."""
@@ -21,6 +24,10 @@ def run(app: "typer.Typer") -> None:
     except DataError as error:
         print(error, file=sys.stderr)
         raise SystemExit(1) from None
+    except SystemExit as stop:
+        if stop.code == INTERRUPTED:
+            print("interrupted; what was finished is whole, the rest is not there", file=sys.stderr)
+        raise
 
 
 def show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

@@ -147,5 +147,5 @@ def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
         present = group in file
     if not present:
         raise DataError(f"{path}: has no group {group}; expected a product of this software")
-    with xr.open_dataset(path, group=group, engine="h5netcdf") as dataset:
+    with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
         return dataset.load()

@@ -1,7 +1,9 @@
 """Positions in parallel processes, by dask: on this machine, or on a running cluster."""
 
+import signal
+import threading
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,11 +59,15 @@ def run(
     with ExitStack() as stack:
         if scheduler is None:
             _warm(pairs[0][0])
-            cluster = stack.enter_context(
-                LocalCluster(
-                    n_workers=min(workers, len(pairs)), threads_per_worker=1, dashboard_address=None, silence_logs=50
+            with _deaf_to_interrupts():
+                cluster = stack.enter_context(
+                    LocalCluster(
+                        n_workers=min(workers, len(pairs)),
+                        threads_per_worker=1,
+                        dashboard_address=None,
+                        silence_logs=50,
+                    )
                 )
-            )
             client = stack.enter_context(Client(cluster))
             share: int | None = threads or max(processors() // workers, 1)
         else:
@@ -75,6 +81,19 @@ def run(
             part: Outcome = future.result()
             part.products = [target for _ in part.products]
             yield part
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Let processes that start meanwhile ignore Ctrl-C: it is this process's to end them."""
+    if threading.current_thread() is not threading.main_thread():  # only there may handlers be set
+        yield
+        return
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 def _connect(client: type["Client"], scheduler: str) -> "Client":

@@ -110,6 +110,7 @@ def _product(path: Path) -> Lines:
         ("directions", f"{daps.sizes['azimuth']} azimuths x {daps.sizes['elevation']} elevations"),
         ("noise floor", f"{float(daps['noise_floor'].median()):.1f} dB (median over directions)"),
         ("MPCs", str(mpc.sizes["mpc"])),
+        ("outside the fan", f"{mpc.attrs['paths_outside_fan']} paths that only sidelobes saw, not among the MPCs"),
         (
             "strongest",
             "none"

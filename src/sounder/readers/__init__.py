@@ -39,4 +39,6 @@ def open_recordings(path: Path, sounder: Sounder | None = None) -> list[Recordin
         if reader.is_format(path):
             found: list[Recording] = reader.recordings(path, sounder)
             return found
+    if (what := native.what_else(path)) is not None:
+        raise DataError(f"{path}: is a {what}, not a recording")
     raise DataError(f"{path}: not a recording of a known format; say how it is laid out with --layout FILE")

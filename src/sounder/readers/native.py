@@ -35,6 +35,8 @@ def opened(path: Path) -> Iterator[h5py.File]:
     DataError
         No such file, or it is not HDF5.
     """
+    if path.is_dir():
+        raise DataError(f"{path}: is a folder; name a file in it")
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     if not h5py.is_hdf5(path):
@@ -45,6 +47,16 @@ def opened(path: Path) -> Iterator[h5py.File]:
         raise DataError(f"{path}: damaged HDF5 file ({error})") from None
     with file:
         yield file
+
+
+def what_else(path: Path) -> str | None:
+    """Other file of this software that stands where a recording should; None if it is none."""
+    if not h5py.is_hdf5(path):
+        return None
+    with opened(path) as file:
+        if file.attrs.get("kind") == BACK_TO_BACK:
+            return "back-to-back recording"
+        return "product of sounder process" if "mpc" in file and "daps" in file else None
 
 
 def is_format(path: Path) -> bool:
