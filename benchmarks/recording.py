@@ -33,6 +33,7 @@ def script(path: Path, b2b: Path, average_first: bool) -> np.ndarray:
     template = np.conj(scipy.fft.fft(held_template(sounder.waveform))).astype(np.complex64)
     frequency = np.abs(np.fft.fftfreq(1022, 1 / 1.2e9))
     window = np.where(frequency < 540e6, 0.5 + 0.5 * np.cos(np.pi * frequency / 540e6), 0)
+    window[0] = 0  # the receiver's offset
     kept = window > 0
     with h5py.File(b2b) as file:
         captures = file["iq"][:].astype(np.float32)
@@ -78,9 +79,7 @@ def main() -> None:
             SHORT: lambda: script(path, b2b, average_first=True),
         }
         theirs, own = script(path, b2b, average_first=False), ours()["daps"].values
-        strong = (
-            own > own.max() - 15
-        )  # further down the attenuator, which the script takes for a number, shapes the pulses
+        strong = own > own.max() - 30
         shift = np.median(own[strong] - theirs[strong])
         if np.abs(own[strong] - theirs[strong] - shift).max() > 0.5:
             raise SystemExit("the script and the project do not agree")
