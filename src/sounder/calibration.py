@@ -1,12 +1,14 @@
 """Back-to-back de-embedding: take the instrument's own response out of correlated captures."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from erm.errors import DataError
 from sounder.config import Sounder
+from sounder.matched import Matched
 from sounder.recording import BackToBack
 from sounder.waveform import held_template
 
@@ -42,6 +44,8 @@ class Deembedding:
         CIR of a single path of gain 1 and delay 0; its peak is 1.
     weight : array (sample,)
         ``V`` with DC filled in between its neighbours; ``pulse`` is its transform.
+    noise : array (sample,)
+        Spectral density of what white receiver noise becomes, ``|T G|^2`` with ``T`` the template's spectrum; mean 1.
     sample_rate : float
         [Hz]
     """
@@ -49,7 +53,13 @@ class Deembedding:
     transfer: Complex
     pulse: Complex
     weight: Real
+    noise: Real
     sample_rate: float
+
+    @cached_property
+    def matched(self) -> Matched:
+        """What finds a single path in a CIR; the positions of a campaign share it."""
+        return Matched.of(self.weight, self.noise)
 
     def apply(self, correlation: NDArray[np.complexfloating]) -> Complex:
         """De-embed correlations.
@@ -123,10 +133,13 @@ def deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounder, sc
     through = attenuation(b2b, frequency + sounder.carrier.frequency, inside)
     norm = waveform.samples / kept.sum()
     transfer = np.where(inside, window * np.conj(known) / regularised / np.where(inside, template, 1), 0)
+    transfer = transfer * through * amplitude * norm
+    noise = np.abs(template * transfer) ** 2
     return Deembedding(
-        transfer=transfer * through * amplitude * norm,
+        transfer=transfer,
         pulse=np.fft.ifft(kept) * norm,
         weight=kept,
+        noise=noise / noise.mean(),
         sample_rate=waveform.sample_rate,
     )
 

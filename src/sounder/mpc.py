@@ -12,14 +12,14 @@ from sounder.calibration import Deembedding
 from sounder.config import Sounder
 from sounder.daps import noise_power
 from sounder.kernels import path
-from sounder.kernels.cancel import cancel
+from sounder.kernels.cancel import Limits, cancel, search_of
+from sounder.kernels.view import View, beams_of, table_of
+from sounder.matched import OVER, Matched
 
 Threshold = Literal["usc", "nyu"]
 
 CAPACITY = 1024
 """Most MPCs a position can have."""
-OVER = 64
-"""Points of the tabulated pulse a sample; linear between, so that cancellation is good to -80 dB."""
 MARGIN = 2.0
 """Amplitude over the pattern's prediction that still counts as the same path (6 dB, for horns not as measured)."""
 LEFTOVER = 0.1
@@ -82,47 +82,58 @@ def extract(
     azimuth, elevation = cir["azimuth"].values, cir["elevation"].values
     beams = np.array(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64, order="C")
     noise = noise_power(np.abs(beams) ** 2).astype(float)
-    looks = np.stack([grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")], axis=-1).astype(float)
+    matched = filter_.matched
     pattern = Pattern.of(sounder.rx_antenna)
-    step_azimuth = float(np.diff(azimuth).max()) if azimuth.size > 1 else 0.0
-    around = azimuth.size > 1 and azimuth[0] + 360 - azimuth[-1] <= 1.5 * step_azimuth
     width_azimuth = sounder.rx_antenna.hpbw_azimuth or 360.0
     width_elevation = sounder.rx_antenna.hpbw_elevation or 180.0
+    view = _view(azimuth, elevation, noise, pattern, matched, width_azimuth, width_elevation)
     bandwidth = np.ptp(np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate)[filter_.weight > 0])
-    cell = filter_.sample_rate / bandwidth
+    limits = Limits(
+        threshold=_thresholds(beams, noise, threshold),
+        resolution=np.array([filter_.sample_rate / bandwidth, width_azimuth / 2, width_elevation]),
+        leftover=np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0]),
+        margin=MARGIN,
+    )
+    work = path.work_of(view)
     found = np.zeros((CAPACITY, path.COLUMNS))
-    view = path.View(
-        noise=noise,
-        looks=looks,
-        grid=np.array([azimuth.size, elevation.size, int(around)]),
+    taken = np.zeros((CAPACITY, len(beams)), np.complex64)
+    count, complete = cancel(beams, view, limits, PASSES, work, search_of(beams, work), found, taken)
+    found = found[:count][np.argsort(-found[:count, path.AMPLITUDE])]
+    located = _located(found, pattern) & ~(found[:, path.AZIMUTH_STD] > width_azimuth / 2)
+    table = _table(found[located], noise, matched, filter_.sample_rate, sounder, distance, fans=elevation.size > 1)
+    return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()), complete=int(complete))
+
+
+def _view(
+    azimuth: NDArray[np.float64],
+    elevation: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    pattern: Pattern,
+    matched: Matched,
+    width_azimuth: float,
+    width_elevation: float,
+) -> View:
+    looks = np.stack([grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")], axis=-1).astype(float)
+    step_azimuth = float(np.diff(azimuth).max()) if azimuth.size > 1 else 0.0
+    around = azimuth.size > 1 and azimuth[0] + 360 - azimuth[-1] <= 1.5 * step_azimuth
+    return View(
+        beam=beams_of(noise, looks),
+        azimuth_cut=table_of(pattern.azimuth_cut),
+        elevation_cut=table_of(pattern.elevation_cut),
+        pulse=matched.pulse,
+        matched=matched.matched,
         limits=np.array(
             [
                 max(step_azimuth, width_azimuth / 2),
                 elevation.min() - 2 * width_elevation,
                 elevation.max() + 2 * width_elevation,
                 width_elevation,
+                pattern.floor * np.log(10) / 20,
+                matched.amplitude_variance,
             ]
         ),
-        azimuth_cut=pattern.azimuth_cut,
-        elevation_cut=pattern.elevation_cut,
-        floor=pattern.floor,
-        table=_pulse_table(filter_, reach=int(np.ceil(16 * cell))),
-        over=OVER,
+        grid=np.array([azimuth.size, elevation.size, int(around), OVER]),
     )
-    count, complete = cancel(
-        beams,
-        _thresholds(beams, noise, threshold),
-        view,
-        np.array([cell, width_azimuth / 2, width_elevation]),
-        MARGIN,
-        np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0]),
-        PASSES,
-        found,
-    )
-    found = found[:count][np.argsort(-found[:count, path.AMPLITUDE])]
-    located = _located(found, pattern) & ~(found[:, path.AZIMUTH_STD] > width_azimuth / 2)
-    table = _table(found[located], noise, filter_, sounder, distance, fans=elevation.size > 1)
-    return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()), complete=int(complete))
 
 
 def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
@@ -148,39 +159,22 @@ def _thresholds(beams: NDArray[np.complex64], noise: NDArray[np.float64], thresh
     return np.where(np.isfinite(noise), level, np.inf)
 
 
-def _pulse_table(filter_: Deembedding, reach: int) -> NDArray[np.complex128]:
-    """Pulse at ``OVER`` points a sample, ``reach`` samples to each side, by zero-padding its spectrum."""
-    weight = filter_.weight
-    half = weight.size // 2  # beyond the band kept on either side the weight is zero
-    padded = np.concatenate([weight[:half], np.zeros(weight.size * (OVER - 1)), weight[half:]])
-    pulse = np.fft.ifft(padded) * (padded.size / weight.sum())
-    table: NDArray[np.complex128] = np.roll(pulse, reach * OVER)[: 2 * reach * OVER + 1]
-    return table
-
-
-def _rms_bandwidth(filter_: Deembedding) -> float:
-    """RMS bandwidth of the pulse about its mean frequency [Hz]."""
-    frequency = np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate)
-    density = filter_.weight**2 / np.sum(filter_.weight**2)
-    mean = np.sum(frequency * density)
-    return float(np.sqrt(np.sum((frequency - mean) ** 2 * density)))
-
-
 def _table(
     found: NDArray[np.float64],
     noise: NDArray[np.float64],
-    filter_: Deembedding,
+    matched: Matched,
+    sample_rate: float,
     sounder: Sounder,
     distance: float,
     *,
     fans: bool,
 ) -> xr.Dataset:
-    delay = found[:, path.DELAY] / filter_.sample_rate
+    delay = found[:, path.DELAY] / sample_rate
     period = sounder.waveform.period
     earliest = distance / c - DIRECT_GUARD
     delay = earliest + (delay - earliest) % period
     amplitude = found[:, path.AMPLITUDE]
-    in_beam = amplitude * found[:, path.OFF_BORESIGHT]
+    energy = amplitude**2 * found[:, path.ENERGY]
     around = np.maximum(noise[found[:, path.BEAM].astype(int)], found[:, path.LEFT_OVER])
     columns = {
         "delay": (delay, "s", "propagation delay"),
@@ -196,7 +190,7 @@ def _table(
             "path gain, antennas removed",
         ),
         "delay_std": (
-            np.sqrt(around / 2) / (in_beam * 2 * np.pi * _rms_bandwidth(filter_)),
+            np.sqrt(around * matched.delay_variance / energy) / sample_rate,
             "s",
             "standard deviation of delay",
         ),

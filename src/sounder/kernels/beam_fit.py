@@ -1,204 +1,169 @@
 """Sub-beam angle of a path, from its amplitudes in neighbouring beams and the antenna's pattern."""
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.compile import part
+from sounder.kernels.view import View, aim, pattern
 
 Real = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
-ITERATIONS = 12
-NUDGE = 0.05
-"""Step of the pattern's numerical derivative [degree]; the tables are 0.25 degree apart."""
-
-
-@part
-def cut_at(cut: Real, angle: float) -> float:
-    """Value [dB] of a cut tabulated evenly from -180 to 180 degree."""
-    place = (angle + 180.0) * (cut.size - 1) / 360.0
-    left = min(max(int(place), 0), cut.size - 2)
-    part_ = place - left
-    return cut[left] * (1 - part_) + cut[left + 1] * part_
-
-
-@part
-def beam_amplitude(
-    azimuth: float,
-    elevation: float,
-    look_azimuth: float,
-    look_elevation: float,
-    azimuth_cut: Real,
-    elevation_cut: Real,
-    floor: float,
-) -> float:
-    """Amplitude of the pattern toward a direction, relative to boresight; angles in degree.
-
-    The plain-numpy twin is :meth:`sounder.antenna.Pattern.beam_gain`.
-    """
-    turn = np.radians(azimuth - look_azimuth)
-    up = np.radians(elevation)
-    tilt = np.radians(look_elevation)
-    x = np.cos(up) * np.cos(turn) * np.cos(tilt) + np.sin(up) * np.sin(tilt)
-    y = np.cos(up) * np.sin(turn)
-    z = np.sin(up) * np.cos(tilt) - np.cos(up) * np.cos(turn) * np.sin(tilt)
-    off_azimuth = np.degrees(np.arctan2(y, x))
-    off_elevation = np.degrees(np.arcsin(min(max(z, -1.0), 1.0)))
-    gain = max(cut_at(azimuth_cut, off_azimuth) + cut_at(elevation_cut, off_elevation), floor)
-    return 10.0 ** (gain / 20.0)
+GAIN = 1e-6
+"""Share of the cost under which what a step would gain, a thousandth of a deviation, is not worth it."""
+EXACT = 1e-14
+"""Cost, relative to the power, that is rounding alone."""
+COST, SUM_G2, NORMAL_AA, NORMAL_AE, NORMAL_EE, DOWN_A, DOWN_E, MEAN_A, MEAN_E, POWER = range(10)
+"""Places of `_model`'s sums."""
+AZIMUTH, ELEVATION, AMPLITUDE, AZIMUTH_STD, ELEVATION_STD, AMPLITUDE_STD = range(6)
+"""Places of the result."""
 
 
 @part
 def fit_angles(
-    magnitude: Real,
-    looks: Real,
-    start: Real,
-    lower: Real,
-    upper: Real,
-    free: npt.NDArray[np.bool_],
-    noise: float,
-    azimuth_cut: Real,
-    elevation_cut: Real,
-    floor: float,
-    result: Real,
+    view: View, magnitude: Real, near: Integers, noise: float, bounds: Real, free: Real, steps: int, fit: Real
 ) -> float:
-    """Fit ``magnitude[b] = a g_b(azimuth, elevation)`` by least squares (Levenberg-Marquardt).
+    """Fit ``magnitude[i] = a g_i(azimuth, elevation)`` by least squares (Levenberg-Marquardt).
+
+    The amplitude is linear and eliminated: ``a = g.m / g.g``, and the derivatives of ``a g`` by the angles are taken
+    at right angles to ``g`` (Kaufman's variable projection [1]_). The deviations are those of the full problem.
 
     Parameters
     ----------
-    magnitude : array (beam,)
+    magnitude : array (n,)
         Amplitudes of the path, without their phases: those drift from one direction to the next.
-    looks : array (beam, 2)
-        Azimuth and elevation of each beam [degree].
-    start, lower, upper : array (2,)
-        First guess and bounds [degree].
-    free : array (2,)
-        Which angles to fit; the other stays at its start.
+    near : array (n,)
+        Their beams; the arrays may be longer, ``near`` ends with -1.
     noise : float
         Variance of a magnitude.
-    azimuth_cut, elevation_cut, floor
-        The pattern [dB].
-    result : array (6,)
-        Filled with azimuth, elevation [degree], a, and their standard deviations.
+    bounds : array (4,)
+        Lowest and highest azimuth, lowest and highest elevation [degree].
+    free : array (2,)
+        1 for an angle to be fitted; one with 0 stays at its start.
+    steps : int
+        Most steps.
+    fit : array (6,)
+        Holds the first azimuth and elevation [degree]; filled with azimuth, elevation, a, and their standard
+        deviations.
 
     Returns
     -------
     float
         Sum of squared residuals.
+
+    References
+    ----------
+    .. [1] L. Kaufman, "A variable projection method for solving separable nonlinear least squares problems",
+       BIT 15, 1975.
     """
-    beams = magnitude.size
-    angles = start.copy()
-    g = np.empty(beams)
-    slope = np.zeros((beams, 3))
+    sums, direction = np.zeros(10), np.empty(4)
+    azimuth, elevation = fit[AZIMUTH], fit[ELEVATION]
+    amplitude = _model(view, magnitude, near, azimuth, elevation, free, direction, sums)
+    cost = sums[COST]
+    normal_aa, normal_ae, normal_ee = sums[NORMAL_AA], sums[NORMAL_AE], sums[NORMAL_EE]
+    down_a, down_e = sums[DOWN_A], sums[DOWN_E]
+    energy, mean_a, mean_e = sums[SUM_G2], sums[MEAN_A], sums[MEAN_E]
     damping = 1e-3
-    best = np.inf
-    amplitude = 0.0
-    trial = start.copy()
-    normal = np.zeros((3, 3))
-    for iteration in range(ITERATIONS):
-        inner = 0.0
-        energy = 0.0
-        for b in range(beams):
-            g[b] = beam_amplitude(trial[0], trial[1], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, floor)
-            inner += g[b] * magnitude[b]
-            energy += g[b] ** 2
-        a = inner / energy
-        cost = 0.0
-        for b in range(beams):
-            cost += (magnitude[b] - a * g[b]) ** 2
-        if cost < best or iteration == 0:
-            converged = best - cost < 1e-9 * best
-            best, amplitude = cost, a
-            angles[:] = trial
-            damping *= 0.3
-            if converged and iteration > 0:
-                break
-            _slopes(angles, amplitude, looks, free, azimuth_cut, elevation_cut, floor, slope)
-            for i in range(3):
-                for j in range(3):
-                    normal[i, j] = 0.0
-                    for b in range(beams):
-                        normal[i, j] += slope[b, i] * slope[b, j]
+    for _ in range(steps):
+        aa, ee = normal_aa * (1.0 + damping), normal_ee * (1.0 + damping)
+        determinant = aa * ee - normal_ae * normal_ae
+        if determinant <= 0.0:
+            break
+        step_a = (ee * down_a - normal_ae * down_e) / determinant
+        step_e = (aa * down_e - normal_ae * down_a) / determinant
+        if step_a * down_a + step_e * down_e < GAIN * cost or cost < EXACT * sums[POWER]:
+            break
+        new_azimuth = _within(azimuth + free[0] * step_a, bounds[0], bounds[1])
+        new_elevation = _within(elevation + free[1] * step_e, bounds[2], bounds[3])
+        new_amplitude = _model(view, magnitude, near, new_azimuth, new_elevation, free, direction, sums)
+        if new_azimuth == azimuth and new_elevation == elevation:
+            break  # held by a bound
+        if sums[COST] < cost:
+            azimuth, elevation, amplitude, cost = new_azimuth, new_elevation, new_amplitude, sums[COST]
+            normal_aa, normal_ae, normal_ee = sums[NORMAL_AA], sums[NORMAL_AE], sums[NORMAL_EE]
+            down_a, down_e = sums[DOWN_A], sums[DOWN_E]
+            energy, mean_a, mean_e = sums[SUM_G2], sums[MEAN_A], sums[MEAN_E]
+            damping *= 0.1
         else:
             damping *= 10.0
-        gradient = np.zeros(3)
-        for b in range(beams):
-            g_here = slope[b, 2]
-            for i in range(3):
-                gradient[i] += slope[b, i] * (magnitude[b] - amplitude * g_here)
-        step = _solve(normal, gradient, damping)
-        for i in range(2):
-            trial[i] = min(max(angles[i] + step[i], lower[i]), upper[i])
-    variance = max(noise, best / max(beams - 1 - free[0] - free[1], 1))
-    for i in range(3):
-        unit = np.zeros(3)
-        unit[i] = 1.0
-        # An angle that no beam depends on to first order (all at the floor, or symmetric) is not determined.
-        flat = normal[i, i] < 1e-9 * amplitude**2
-        result[3 + i] = np.inf if flat else np.sqrt(max(variance * _solve(normal, unit, 1e-12)[i], 0.0))
-        if i < 2 and not free[i]:
-            result[3 + i] = np.nan
-    result[0], result[1], result[2] = angles[0], angles[1], amplitude
-    return best
+    count = 0
+    while count < near.size and near[count] >= 0:
+        count += 1
+    left = count - 1.0 - free[0] - free[1]
+    variance = noise
+    if left > 0.0 and cost / left > noise:
+        variance = cost / left
+    # An angle that no beam depends on to first order (all at the floor, or symmetric) is not determined.
+    least = 1e-9 * amplitude * amplitude * energy
+    determined = normal_aa * normal_ee - normal_ae * normal_ae > 0.0
+    var_a = var_e = math.inf
+    spread = 1.0
+    if determined:
+        determinant = normal_aa * normal_ee - normal_ae * normal_ae
+        inverse_aa, inverse_ee, inverse_ae = normal_ee / determinant, normal_aa / determinant, -normal_ae / determinant
+        if normal_aa > least:
+            var_a = variance * inverse_aa
+        if normal_ee > least:
+            var_e = variance * inverse_ee
+        spread += (
+            mean_a * mean_a * inverse_aa + 2 * mean_a * mean_e * inverse_ae + mean_e * mean_e * inverse_ee
+        ) / energy
+    fit[AZIMUTH], fit[ELEVATION], fit[AMPLITUDE] = azimuth, elevation, amplitude
+    fit[AZIMUTH_STD] = math.sqrt(var_a) if free[0] > 0.0 else math.nan
+    fit[ELEVATION_STD] = math.sqrt(var_e) if free[1] > 0.0 else math.nan
+    fit[AMPLITUDE_STD] = math.sqrt(variance * spread / energy)
+    return cost
 
 
 @part
-def _slopes(
-    angles: Real,
-    amplitude: float,
-    looks: Real,
-    free: npt.NDArray[np.bool_],
-    azimuth_cut: Real,
-    elevation_cut: Real,
-    floor: float,
-    slope: Real,
-) -> None:
-    """Derivatives of the model by azimuth, elevation and amplitude, shape (beam, 3)."""
-    for b in range(looks.shape[0]):
-        for i in range(2):
-            slope[b, i] = 0.0
-            if free[i]:
-                nudge_a = NUDGE if i == 0 else 0.0
-                nudge_e = NUDGE if i == 1 else 0.0
-                after = beam_amplitude(
-                    angles[0] + nudge_a,
-                    angles[1] + nudge_e,
-                    looks[b, 0],
-                    looks[b, 1],
-                    azimuth_cut,
-                    elevation_cut,
-                    floor,
-                )
-                before = beam_amplitude(
-                    angles[0] - nudge_a,
-                    angles[1] - nudge_e,
-                    looks[b, 0],
-                    looks[b, 1],
-                    azimuth_cut,
-                    elevation_cut,
-                    floor,
-                )
-                slope[b, i] = amplitude * (after - before) / (2 * NUDGE)
-        slope[b, 2] = beam_amplitude(angles[0], angles[1], looks[b, 0], looks[b, 1], azimuth_cut, elevation_cut, floor)
+def _within(x: float, low: float, high: float) -> float:
+    if x < low:
+        return low
+    return high if x > high else x
 
 
 @part
-def _solve(normal: Real, right: Real, damping: float) -> Real:
-    """Solve the damped 3 x 3 normal equations; a parameter without influence stays."""
-    m = np.zeros((3, 4))
-    for i in range(3):
-        for j in range(3):
-            m[i, j] = normal[i, j]
-        m[i, i] *= 1.0 + damping
-        if m[i, i] <= 0.0:
-            m[i, i] = 1.0
-        m[i, 3] = right[i]
-    for i in range(3):  # positive definite: elimination needs no pivoting
-        for row in range(3):
-            if row != i and m[i, i] != 0.0:
-                factor = m[row, i] / m[i, i]
-                for j in range(4):
-                    m[row, j] -= factor * m[i, j]
-    out = np.zeros(3)
-    for i in range(3):
-        out[i] = m[i, 3] / m[i, i] if m[i, i] != 0.0 else 0.0
-    return out
+def _model(
+    view: View,
+    magnitude: Real,
+    near: Integers,
+    azimuth: float,
+    elevation: float,
+    free: Real,
+    direction: Real,
+    sums: Real,
+) -> float:
+    """Fit the amplitude alone; fill ``sums`` with the cost and the normal equations of the angles."""
+    slopes = np.empty(2)
+    aim(azimuth, elevation, direction)
+    inner = energy = by_a = by_e = aa = ae = ee = size2 = down_a = down_e = 0.0
+    for i in range(near.size):
+        if near[i] < 0:
+            break
+        m = magnitude[i]
+        g = pattern(view, direction, near[i], slopes)
+        slope_a, slope_e = free[0] * slopes[0], free[1] * slopes[1]
+        size2 += m * m
+        inner += g * m
+        energy += g * g
+        by_a += g * slope_a
+        by_e += g * slope_e
+        aa += slope_a * slope_a
+        ae += slope_a * slope_e
+        ee += slope_e * slope_e
+        down_a += m * slope_a
+        down_e += m * slope_e
+    a = inner / energy
+    # Residuals r = m - a g are at right angles to g, so that projecting the slopes changes no product with r.
+    sums[COST] = size2 - a * inner
+    sums[POWER] = size2
+    sums[SUM_G2] = energy
+    sums[NORMAL_AA] = a * a * (aa - by_a * by_a / energy) + (1.0 - free[0])
+    sums[NORMAL_AE] = a * a * (ae - by_a * by_e / energy)
+    sums[NORMAL_EE] = a * a * (ee - by_e * by_e / energy) + (1.0 - free[1])
+    sums[DOWN_A] = a * (down_a - a * by_a)
+    sums[DOWN_E] = a * (down_e - a * by_e)
+    sums[MEAN_A], sums[MEAN_E] = a * by_a, a * by_e
+    return a

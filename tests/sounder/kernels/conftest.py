@@ -6,7 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from sounder.antenna import Pattern
 from sounder.kernels import simd
+from sounder.kernels.view import View, beams_of, table_of
+from sounder.matched import OVER
 
 # s[n + order] is the sum (mod 2) of s[n + tap]: one primitive polynomial an order.
 TAPS = {
@@ -44,3 +47,50 @@ def path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     if request.param == "vector" and not simd.available():
         pytest.skip("the processor has no AVX-512")
     return request.param
+
+
+class Hann:
+    """A pulse of known form: a Hann-windowed band of 0.9 of the sample rate, which is three sinc pulses."""
+
+    reach = 20
+    """Samples to each side that are tabulated."""
+
+    @staticmethod
+    def at(t: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        x = 0.9 * np.asarray(t)
+        return np.sinc(x) + 0.5 * (np.sinc(x - 1) + np.sinc(x + 1))
+
+    @classmethod
+    def table(cls, reach: int = reach) -> npt.NDArray[np.complex128]:
+        return cls.at(np.arange(-(reach + 1) * OVER, (reach + 1) * OVER + 1) / OVER).astype(complex)
+
+    @classmethod
+    def row(cls, delay: float, size: int) -> npt.NDArray[np.float64]:
+        """The pulse on a circle of samples, as far as it is tabulated."""
+        late = (np.arange(size) - delay + size / 2) % size - size / 2
+        return np.where(np.abs(np.round(late)) <= cls.reach, cls.at(late), 0)
+
+
+@pytest.fixture(scope="session")
+def hann() -> type[Hann]:
+    return Hann
+
+
+@pytest.fixture(scope="session")
+def make_view() -> Callable[..., View]:
+    """Maker of views that see `Hann` pulses by least squares over the main lobe, best in white noise."""
+
+    def make(pattern: Pattern, looks: npt.ArrayLike, noise: npt.ArrayLike, grid: tuple[int, int, int]) -> View:
+        return View(
+            beam=beams_of(np.broadcast_to(noise, len(np.asarray(looks))), np.asarray(looks, float)),
+            azimuth_cut=table_of(pattern.azimuth_cut),
+            elevation_cut=table_of(pattern.elevation_cut),
+            pulse=Hann.table(),
+            matched=Hann.table(3),
+            limits=np.array(
+                [10, -27, 27, 9, pattern.floor * np.log(10) / 20, 1 / np.sum(Hann.at(np.arange(-3, 4)) ** 2)]
+            ),
+            grid=np.array([*grid, OVER]),
+        )
+
+    return make

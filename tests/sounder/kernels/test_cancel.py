@@ -6,67 +6,53 @@ import pytest
 from sounder.antenna import Pattern
 from sounder.config import Antenna
 from sounder.kernels import path
-from sounder.kernels.cancel import cancel
+from sounder.kernels.cancel import Limits, cancel, search_of
 
-OVER = 64
-REACH = 20
 SIZE = 300
 PATTERN = Pattern.of(Antenna(gain=24.5, hpbw_azimuth=10.0, hpbw_elevation=9.0))
 LOOKS = np.array([[a, e] for a in range(0, 360, 10) for e in (-9, 0, 9)], float)
 
 
-def shape(t):
-    """Hann-windowed band of 0.9 of the sample rate: three sinc pulses."""
-    x = 0.9 * np.asarray(t)
-    return np.sinc(x) + 0.5 * (np.sinc(x - 1) + np.sinc(x + 1))
+@pytest.fixture
+def beams_of(hann):
+    """Beams of paths (amplitude, delay [sample], azimuth, elevation), with a phase of its own in each beam."""
+
+    def make(paths, rng):
+        beams = np.zeros((len(LOOKS), SIZE), complex)
+        for amplitude, delay, azimuth, elevation in paths:
+            g = 10 ** (PATTERN.beam_gain(azimuth, elevation, LOOKS[:, 0], LOOKS[:, 1]) / 20)
+            each = amplitude * g * np.exp(2j * np.pi * rng.random(len(LOOKS)))
+            beams += each[:, None] * hann.row(delay, SIZE)
+        return beams
+
+    return make
 
 
-TABLE = shape(np.arange(-REACH * OVER, REACH * OVER + 1) / OVER).astype(complex)
+@pytest.fixture
+def run(make_view):
+    def cancelled(beams, *, noise=1e-8, capacity=50, passes=2):
+        left = beams.astype(np.complex64)
+        level = np.where(np.isfinite(beams[:, 0]), noise, np.nan)
+        view = make_view(PATTERN, LOOKS, level, (36, 3, 1))
+        limits = Limits(
+            threshold=np.where(np.isfinite(level), level * 10**1.2, np.inf),
+            resolution=np.array([1.1, 5.0, 9.0]),
+            leftover=np.array([0.1, 2.0, 10**-1.5]),
+            margin=2.0,
+        )
+        work = path.work_of(view)
+        found, taken = np.zeros((capacity, path.COLUMNS)), np.zeros((capacity, len(LOOKS)), np.complex64)
+        count, complete = cancel(left, view, limits, passes, work, search_of(left, work), found, taken)
+        return found[:count], left, complete
 
-
-def beams_of(paths, rng):
-    """Paths (amplitude, delay [sample], azimuth, elevation), with a phase of its own in each beam."""
-    beams = np.zeros((len(LOOKS), SIZE), complex)
-    for amplitude, delay, azimuth, elevation in paths:
-        g = 10 ** (PATTERN.beam_gain(azimuth, elevation, LOOKS[:, 0], LOOKS[:, 1]) / 20)
-        late = (np.arange(SIZE) - delay + SIZE / 2) % SIZE - SIZE / 2
-        each = amplitude * g * np.exp(2j * np.pi * rng.random(len(LOOKS)))
-        beams += each[:, None] * np.where(np.abs(late) <= REACH, shape(late), 0)
-    return beams
-
-
-def run(beams, *, noise=1e-8, capacity=50, passes=2):
-    left = beams.astype(np.complex64)
-    found = np.zeros((capacity, path.COLUMNS))
-    level = np.where(np.isfinite(beams[:, 0]), noise, np.nan)
-    count, complete = cancel(
-        left,
-        np.where(np.isfinite(level), level * 10**1.2, np.inf),
-        path.View(
-            noise=level,
-            looks=LOOKS,
-            grid=np.array([36, 3, 1]),
-            limits=np.array([10.0, -27.0, 27.0, 9.0]),
-            azimuth_cut=PATTERN.azimuth_cut,
-            elevation_cut=PATTERN.elevation_cut,
-            floor=PATTERN.floor,
-            table=TABLE,
-            over=OVER,
-        ),
-        np.array([1.1, 5.0, 9.0]),
-        2.0,
-        np.array([0.1, 2.0, 10**-1.5]),
-        passes,
-        found,
-    )
-    return found[:count], left, complete
+    return cancelled
 
 
 def noise_of(rng, power=1e-8):
     return np.sqrt(power / 2) * (rng.standard_normal((len(LOOKS), SIZE, 2)) @ [1, 1j])
 
 
-def test_paths_are_found_and_nothing_is_left():
+def test_paths_are_found_and_nothing_is_left(run, beams_of):
     rng = np.random.default_rng(1)
     paths = [(1.0, 40.3, 3.0, 2.0), (0.5, 120.8, 358.0, -7.0), (0.2, 299.6, 181.0, 0.0)]
     found, left, complete = run(beams_of(paths, rng) + noise_of(rng))
@@ -84,7 +70,7 @@ def test_paths_are_found_and_nothing_is_left():
     assert np.mean(np.abs(left) ** 2) < 1.2 * 1e-8 + np.mean(np.abs(beams_of(paths, rng)) ** 2) * 2.4e-4**2
 
 
-def test_missing_beams_are_passed_over():
+def test_missing_beams_are_passed_over(run, beams_of):
     rng = np.random.default_rng(2)
     beams = beams_of([(1.0, 40.3, 3.0, 2.0)], rng) + noise_of(rng)
     beams[60:] = np.nan
@@ -95,7 +81,7 @@ def test_missing_beams_are_passed_over():
     assert np.isnan(left[60:]).all()
 
 
-def test_a_full_table_is_not_complete():
+def test_a_full_table_is_not_complete(run, beams_of):
     rng = np.random.default_rng(3)
     paths = [(1.0 - 0.1 * k, 20.0 + 40 * k, 50.0 * k, 0.0) for k in range(6)]
     beams = beams_of(paths, rng) + noise_of(rng)
@@ -105,7 +91,7 @@ def test_a_full_table_is_not_complete():
     assert run(beams, capacity=6)[2]
 
 
-def test_silence_holds_no_paths():
+def test_silence_holds_no_paths(run):
     found, left, complete = run(np.zeros((len(LOOKS), SIZE)))
     assert len(found) == 0
     assert complete
@@ -113,7 +99,7 @@ def test_silence_holds_no_paths():
 
 
 @pytest.mark.parametrize(("apart", "tolerance"), [(2.7, 0.01), (3.0, 0.005), (4.0, 0.005)])
-def test_paths_within_each_others_pulse_are_told_apart(apart, tolerance):
+def test_paths_within_each_others_pulse_are_told_apart(run, beams_of, apart, tolerance):
     """The pulse is 4.4 samples wide from null to null; two of them are two, with no third between."""
     rng = np.random.default_rng(4)
     for _ in range(12):
