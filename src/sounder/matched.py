@@ -10,7 +10,7 @@ OVER = 64
 PULSE_REACH = 16
 """Resolution cells to each side of the pulse's peak in its table: beyond it is under -90 dB."""
 MATCHED_REACH = 5
-"""Resolution cells to each side in the filter's table; more gain under 2 %, and bring in more of other paths."""
+"""Resolution cells to each side in the filter's table; more gain 2 %, and bring in more of other paths."""
 CAUTION = 0.01
 """Noise density added to the one measured, relative to its maximum: keeps the filter short; costs 3 % of deviation."""
 
@@ -24,7 +24,7 @@ class Matched:
 
     A path gives the spectrum ``a P exp(-j2 pi f d)`` in noise of density ``S``. The best linear measure of its
     amplitude, and of its delay by the magnitude's maximum, has the spectrum ``conj(P) / S`` (Kay, Detection Theory,
-    1998, section 13.3). The filter kept is ``P / (S + CAUTION max(S))``, cut off at `MATCHED_REACH`.
+    1998, section 13.3). The filter kept is ``P / (S + CAUTION max(S))``, tapered to `MATCHED_REACH`.
 
     Attributes
     ----------
@@ -53,14 +53,15 @@ class Matched:
         best[0] = (best[1] + best[-1]) / 2  # no noise there since nothing is measured there
         reach = _reach(MATCHED_REACH, cell, size)
         late = (np.arange(size) + size // 2) % size - size // 2
-        kept = np.conj(np.fft.fft(np.where(np.abs(late) <= reach, np.fft.ifft(best), 0)))
+        kept = np.conj(np.fft.fft(np.fft.ifft(best) * _taper(late, reach)))
         kept /= np.sum(pulse * kept)
         mean = np.sum(frequency * pulse * kept).real
         curvature = np.sum(frequency**2 * pulse * kept).real - mean**2
         through = size * noise * np.abs(kept) ** 2
+        points = 2 * (reach + 1) * OVER + 1
         return cls(
             pulse=_table(pulse, _reach(PULSE_REACH, cell, size)),
-            matched=np.conj(_table(best, reach)),
+            matched=np.conj(_table(best, reach) * _taper(np.linspace(-reach - 1, reach + 1, points), reach)),
             amplitude_variance=float(through.sum()),
             delay_variance=float(np.sum((frequency - mean) ** 2 * through) / (8 * np.pi**2 * curvature**2)),
         )
@@ -69,6 +70,12 @@ class Matched:
 def _reach(cells: int, cell: float, size: int) -> int:
     """Samples to each side: no more than there are in half a period."""
     return min(int(np.ceil(cells * cell)), (size - 1) // 2)
+
+
+def _taper(late: NDArray[np.number], reach: int) -> Real:
+    """Hann window that ends a sample beyond the reach: no jumps when a delay moves on to the next samples."""
+    taper: Real = np.cos(np.pi / 2 * np.clip(late / (reach + 1), -1, 1)) ** 2
+    return taper
 
 
 def _table(spectrum: Complex | Real, reach: int) -> Complex:

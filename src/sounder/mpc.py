@@ -44,15 +44,15 @@ def extract(
 ) -> xr.Dataset:
     """Extract the MPCs of a position.
 
-    The strongest sample of all beams is refined to a path: its delay by fitting the calibrated pulse, its angles and
-    amplitude by fitting the antenna's pattern to the magnitudes in the beam and its neighbours. Then the path is
-    taken out of every beam, sidelobes in delay and angle with it, and the search starts again, until nothing exceeds
-    the threshold.
+    The strongest sample of all beams is refined to a path: its delay, and its magnitudes in the beam and the eight
+    around it, by the matched filter of the calibrated pulse; its angles and amplitude by fitting the antenna's
+    pattern to these magnitudes. Then the path is taken out of every beam, sidelobes in delay and angle with it, and
+    the search starts again, until nothing exceeds the threshold. Paths that share samples are fitted again in turn.
 
     Standard deviations are those of the least-squares fits, with the larger of the noise power and the fit's own
-    residual as variance; for the delay ``std = sqrt(P / 2) / (a 2 pi B)``, the Cramer-Rao form with the RMS bandwidth
-    ``B`` of the pulse, the path's amplitude ``a`` in its beam, and ``P`` the noise or what the fit left around the
-    path.
+    residual as variance; for the delay ``std = sqrt(P V / sum_b a_b^2)`` with the path's amplitude ``a_b`` in a beam,
+    ``P`` the noise power or what the fit left around the path, and ``V`` of :class:`sounder.matched.Matched`. On one
+    path alone they are 1.03 to 1.12 times the Cramer-Rao bound.
 
     Parameters
     ----------

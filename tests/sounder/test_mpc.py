@@ -237,8 +237,8 @@ def cramer_rao(bench, path, noise):
 def test_errors_are_what_the_standard_deviations_say(bench_maker, snr):
     """Normalised errors have deviation 1, and are near the Cramer-Rao bound.
 
-    Measured over 600 paths: 0.9, 1.0, 1.0, 0.9 for delay, azimuth, elevation, gain; 1.8, 1.2, 1.15, 1.1 times the
-    bound. The delay's is read from the strongest beam alone (1.3 of it) and through a Hann window (1.4).
+    Measured over 500 paths at 20, 30 and 40 dB: 0.94 to 1.02 for all four; 1.03 to 1.12 times the bound. The matched
+    filter is kept short, which costs 1.04 of the delay, and nine beams are used of all.
     """
     bench = bench_maker(seed=5)
     rng = np.random.default_rng(int(snr))
@@ -262,7 +262,8 @@ def test_errors_are_what_the_standard_deviations_say(bench_maker, snr):
     assert (np.abs(np.mean(normalised, axis=0)) < 0.45).all()
     efficiency = np.sqrt(np.mean(np.square(to_bound), axis=0))
     assert (efficiency > 0.8).all(), efficiency
-    assert (efficiency < [2.3, 1.6, 1.6, 1.6]).all(), efficiency
+    # 1.12 and three deviations of 8 %
+    assert (efficiency < 1.4).all(), efficiency
 
 
 def test_gaussian_horn(bench_maker, description):

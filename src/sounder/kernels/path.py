@@ -250,6 +250,7 @@ def _search_angles(b: int, view: View, work: Work) -> None:
     starts = 10 if work.free[1] > 0.0 and (top or row_of_scan == 0) else 1
     edge = elevation + 0.5 * outward * view.limits[BEAMWIDTH]
     best = inside = math.inf
+    first = elevation
     a0, a1, low, high = azimuth, elevation, lowest, highest
     angles = work.fit
     for start in range(starts):
@@ -262,13 +263,18 @@ def _search_angles(b: int, view: View, work: Work) -> None:
         upper = edge if within_fan and outward > 0 else highest
         _bound(b, view, work, lower, upper)
         cost = fit_angles(view, work.magnitude, work.near, _variance(view, b), work.bounds, work.free, EXPLORE, angles)
-        near_fan = start == 0 or outward * (angles[1] - edge) <= 0.0
-        if near_fan and cost < inside:
-            inside = cost
         aim(angles[0], angles[1], work.direction)
         seen = pattern(view, work.direction, b, work.slopes)
-        surely = cost < CLEARLY * inside and cost < inside - SURELY * view.beam[b, NOISE] / seen
-        if cost < best and (near_fan or surely):
+        surely = cost < inside - SURELY * view.beam[b, NOISE] / seen
+        if start == 0 or outward * (angles[1] - edge) <= 0.0:
+            accepted = start == 0 or outward * (angles[1] - first) <= 0.0 or surely
+            if accepted and cost < inside:
+                inside = cost
+        else:
+            accepted = surely and cost < CLEARLY * inside
+        if start == 0:
+            first = angles[1]
+        if accepted and cost < best:
             best = cost
             a0, a1, low, high = angles[0], angles[1], lower, upper
     angles[0], angles[1] = a0, a1
