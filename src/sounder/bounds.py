@@ -170,10 +170,10 @@ def cramer_rao(
     )
 
 
-def best_beam(
+def gains(
     path_azimuth: ArrayLike, path_elevation: ArrayLike, azimuth: ArrayLike, elevation: ArrayLike, pattern: Pattern
-) -> tuple[NDArray[np.intp], Real]:
-    """Direction of a scan that sees each path best.
+) -> Real:
+    """Gain of the antenna in every direction of a scan toward every path.
 
     Parameters
     ----------
@@ -185,23 +185,12 @@ def best_beam(
 
     Returns
     -------
-    direction : array of int (path,)
-        Azimuth-major index.
-    gain : array (path,)
-        Of the antenna in that direction toward the path, relative to boresight [dB].
+    array (path, direction)
+        Relative to boresight [dB]; directions azimuth-major.
     """
-    gain = _gains(np.asarray(path_azimuth, float), np.asarray(path_elevation, float), azimuth, elevation, pattern)
-    return gain.argmax(axis=-1), gain.max(axis=-1)
-
-
-def _gains(
-    path_azimuth: Real, path_elevation: Real, azimuth: ArrayLike, elevation: ArrayLike, pattern: Pattern
-) -> Real:
-    """Relative gain [dB] of every direction toward every path (path, direction)."""
-    look_azimuth, look_elevation = np.meshgrid(azimuth, elevation, indexing="ij")
-    return np.asarray(
-        pattern.beam_gain(path_azimuth[:, None], path_elevation[:, None], look_azimuth.ravel(), look_elevation.ravel())
-    )
+    look_azimuth, look_elevation = (grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij"))
+    toward = np.asarray(path_azimuth, float)[:, None], np.asarray(path_elevation, float)[:, None]
+    return np.asarray(pattern.beam_gain(*toward, look_azimuth, look_elevation))
 
 
 def _slopes(path_azimuth: Real, path_elevation: Real, azimuth: Real, elevation: Real, pattern: Pattern) -> Real:
@@ -211,7 +200,7 @@ def _slopes(path_azimuth: Real, path_elevation: Real, azimuth: Real, elevation: 
     """
 
     def level(east: float, up: float) -> Real:
-        return _gains(path_azimuth + east, path_elevation + up, azimuth, elevation, pattern)
+        return gains(path_azimuth + east, path_elevation + up, azimuth, elevation, pattern)
 
     g = 10 ** (level(0, 0) / 20)
     by_azimuth = (level(STEP, 0) - level(-STEP, 0)) / (2 * STEP * NEPER)

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.optimize import least_squares
 
 from sounder.antenna import Pattern
-from sounder.bounds import NAMES, Band, best_beam, cramer_rao
+from sounder.bounds import NAMES, Band, cramer_rao, gains
 from sounder.config import Antenna
 from sounder.waveform import held_template
 
@@ -61,8 +61,7 @@ def test_azimuth_of_a_gaussian_lobe():
     for azimuth in (0.0, 1.0, 121.25):
         path = paths((1e-7, azimuth, 0, 30))
         grid = np.arange(0, 360, step)
-        _, best = best_beam([azimuth], [0.0], grid, [0.0], LOBE)
-        boresight = 10 ** ((30 - best[0]) / 10)
+        boresight = 10 ** ((30 - gains([azimuth], [0.0], grid, [0.0], LOBE).max()) / 10)
         bound = std(path, grid, [0.0], LOBE, CHIP)[:, 0]
         assert bound[1] == pytest.approx(1 / np.sqrt(2 * boresight * k * np.sqrt(np.pi / 2 / k) / step), rel=1e-3)
         assert np.isnan(bound[2])  # one elevation tells none
@@ -208,7 +207,7 @@ def test_maximum_likelihood_reaches_the_bound(late, aside, shared):
     for _ in range(80):
         noise = rng.standard_normal((*clean.shape, 2)) @ [1, 1j] / np.sqrt(2)
         errors.append(most_likely(clean + noise, truth, phase, shared=shared))
-    _, best = best_beam(truth[:, 1], truth[:, 2], *SCAN, HORN)
+    best = gains(truth[:, 1], truth[:, 2], *SCAN, HORN).max(axis=1)
     rows = [(*row[:3], row[3] * 20 / np.log(10) + gain) for row, gain in zip(truth, best, strict=True)]
     bound = std(paths(*rows, phase=phase), *SCAN, HORN, NARROW, phases="shared" if shared else "own")
     measured = np.sqrt(np.mean(np.square(errors), axis=0)).T * [[1], [1], [1], [20 / np.log(10)]]
