@@ -7,17 +7,17 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 from scipy.special import erf
 
 from sounder.score import Score
 
 Against = Literal["snr", "separation"]
 
-BINS = {
-    "snr": np.arange(0.0, 81.0, 5.0),
-    "separation": np.array([0, 0.25, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 32]),
-}
+BINS = {"snr": np.arange(0.0, 81.0, 5.0), "separation": np.geomspace(0.1, 1000, 13)}
+"""Edges; even steps of dB, and three a decade."""
 LABELS = {"snr": "SNR in the best beam (dB)", "separation": "Distance to the next path ({delay:g} ns, {azimuth:g}°)"}
 ERRORS = {
     "delay": ("Delay error (ns)", 1e9),
@@ -42,7 +42,7 @@ def detection(score: Score, ax: Axes, *, against: Against = "snr") -> Axes:
     against : {"snr", "separation"}
     """
     required = score.paths.isel(path=np.flatnonzero(score.paths["required"].values))
-    place, found = required[against].values, required["match"].values >= 0
+    place, found = _place(required, against), required["match"].values >= 0
     edges = BINS[against]
     for low, high in pairwise(edges):
         inside = (place >= low) & (place < high)
@@ -50,18 +50,20 @@ def detection(score: Score, ax: Axes, *, against: Against = "snr") -> Axes:
         if not count:
             continue
         share = float(found[inside].mean())
-        middle, half = _wilson(share, count)
+        centre, half = _wilson(share, count)
+        middle = _middle(low, high, against)
         ax.errorbar(
-            (low + high) / 2,
+            middle,
             share,
-            yerr=[[max(share - middle + half, 0.0)], [max(middle + half - share, 0.0)]],
-            xerr=(high - low) / 2,
+            xerr=[[middle - low], [high - middle]],
+            yerr=[[max(share - centre + half, 0.0)], [max(centre + half - share, 0.0)]],
             fmt="o",
             color=SUMMARY_COLOUR,
             markersize=4,
         )
-        ax.annotate(str(count), ((low + high) / 2, 0.02), ha="center", fontsize="x-small")
-    ax.set(xlabel=_label(score, against), ylabel="Share of paths found", ylim=(0, 1.05))
+        ax.annotate(str(count), (middle, 0.02), ha="center", fontsize="x-small")
+    _abscissa(score, ax, against)
+    ax.set(ylabel="Share of paths found", ylim=(0, 1.05))
     ax.grid(alpha=0.3)
     return ax
 
@@ -78,19 +80,22 @@ def errors(score: Score, ax: Axes, *, parameter: str = "delay", against: Against
     """
     label, scale = ERRORS[parameter]
     judged = score.paths.isel(path=np.flatnonzero(score.paths["required"].values))
-    place, error = judged[against].values, np.abs(judged[f"{parameter}_error"].values) * scale
+    place, error = _place(judged, against), np.abs(judged[f"{parameter}_error"].values) * scale
     known = np.isfinite(place) & np.isfinite(error)
     place, error = place[known], error[known]
-    smallest = error[error > 0].min(initial=np.inf)
-    ax.plot(place, np.maximum(error, smallest), ".", color=MPC_COLOUR, alpha=0.5, markersize=4, label="path")
+    ax.plot(place, error, ".", color=MPC_COLOUR, alpha=0.5, markersize=4, label="path")
     edges = BINS[against]
     index = np.digitize(place, edges) - 1
     bins = [i for i in range(edges.size - 1) if np.count_nonzero(index == i) >= FEWEST]
     rms = [float(np.sqrt(np.mean(error[index == i] ** 2))) for i in bins]
-    ax.plot([(edges[i] + edges[i + 1]) / 2 for i in bins], rms, "o-", color=SUMMARY_COLOUR, markersize=4, label="RMS")
+    middle = [_middle(edges[i], edges[i + 1], against) for i in bins]
+    ax.plot(middle, rms, "o-", color=SUMMARY_COLOUR, markersize=4, label="RMS")
     if error.any():
+        # a few errors are tiny by chance: they must not push the others together
         ax.set_yscale("log")
-    ax.set(xlabel=_label(score, against), ylabel=label)
+        ax.set_ylim(bottom=np.quantile(error[error > 0], 0.05) / 2)
+    _abscissa(score, ax, against)
+    ax.set(ylabel=label)
     ax.grid(alpha=0.3)
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
     return ax
@@ -119,8 +124,19 @@ def normalised(score: Score, ax: Axes) -> Axes:
     return ax
 
 
-def _label(score: Score, against: Against) -> str:
-    return LABELS[against].format(delay=score.gates.delay * 1e9, azimuth=score.gates.azimuth)
+def _place(paths: xr.Dataset, against: Against) -> NDArray[np.float64]:
+    """Abscissa of paths; those closer than the first edge stand there."""
+    values: NDArray[np.float64] = paths[against].values
+    return values if against == "snr" else np.maximum(values, BINS[against][0])
+
+
+def _middle(low: float, high: float, against: Against) -> float:
+    return (low + high) / 2 if against == "snr" else float(np.sqrt(low * high))
+
+
+def _abscissa(score: Score, ax: Axes, against: Against) -> None:
+    label = LABELS[against].format(delay=score.gates.delay * 1e9, azimuth=score.gates.azimuth)
+    ax.set(xlabel=label, xscale="linear" if against == "snr" else "log")
 
 
 def _wilson(share: float, count: int) -> tuple[float, float]:
