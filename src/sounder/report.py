@@ -99,8 +99,9 @@ def score_products(
     estimates, paths, periods = [], [], set()
     for product in products:
         try:
-            found, problems = _mpcs(product)
-            positions = _positions(product, found)
+            found, problems, root = _mpcs(product)
+            # A product of nothing found is about a position all the same.
+            positions = np.unique((found if root is None else root)["position"].values.astype(str)).tolist()
             if unknown := sorted(set(positions) - set(names)):
                 known = ", ".join(sorted(set(names))[:3])
                 raise DataError(f"{product}: {unknown[0]} is not in {truth}, which holds {known} and so on")
@@ -109,8 +110,8 @@ def score_products(
             continue
         complaints += problems
         local = there.isel(path=np.flatnonzero(np.isin(names, positions)))
-        if product.suffix.lower() != ".csv":
-            sounder = parse(json.loads(open_group(product).attrs["sounder"]), str(product))
+        if root is not None:
+            sounder = parse(json.loads(root.attrs["sounder"]), str(product))
             local = with_snr(local, open_group(product, "/daps"), sounder)
             periods.add(sounder.waveform.period)
         estimates.append(found)
@@ -182,15 +183,11 @@ def write_score(judged: Score, out: Path, *, suffix: str = "png") -> list[Path]:
     return written
 
 
-def _mpcs(product: Path) -> tuple[xr.Dataset, list[str]]:
-    return read_csv(product) if product.suffix.lower() == ".csv" else read_product(product)
-
-
-def _positions(product: Path, found: xr.Dataset) -> list[str]:
-    """Positions a file is about; a product of nothing found is about one all the same."""
-    if product.suffix.lower() == ".csv":
-        return sorted(set(found["position"].values.astype(str)))
-    return [str(open_group(product)["position"].values[0])]
+def _mpcs(path: Path) -> tuple[xr.Dataset, list[str], xr.Dataset | None]:
+    """Table and complaints of a file, and if it is a product, its root."""
+    if path.suffix.lower() == ".csv":
+        return *read_csv(path), None
+    return *read_product(path), open_group(path)
 
 
 def _daps(product: Path) -> tuple[str, xr.Dataset]:
