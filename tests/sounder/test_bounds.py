@@ -103,6 +103,19 @@ def test_turning_the_scan_and_shifting_delays_change_nothing():
     np.testing.assert_allclose(std(paths(*turned, phase=phase), CIRCLE, FAN, HORN, CHIP), bound, rtol=1e-5)
 
 
+def test_the_carrier_is_a_matter_of_phase():
+    """``exp(-2j pi (f + f0) tau)``: frequencies counted from elsewhere turn each path by ``2 pi f0 tau``."""
+    rng = np.random.default_rng(6)
+    two, f0 = [(1.0e-7, 42.0, 1.0, 30), (1.011e-7, 44.0, -2.0, 27)], 0.4e9
+    phase = np.repeat(rng.uniform(0, 2 * np.pi, (2, 1)), 108, axis=1)
+    moved = phase + 2 * np.pi * f0 * np.array([[two[0][0]], [two[1][0]]])
+    band = replace(CHIP, frequency=CHIP.frequency + f0)
+    for phases in ("own", "shared"):
+        bound = std(paths(*two, phase=phase), CIRCLE, FAN, HORN, CHIP, phases=phases)
+        there = std(paths(*two, phase=moved), CIRCLE, FAN, HORN, band, phases=phases)
+        np.testing.assert_allclose(there, bound, rtol=1e-5)
+
+
 def test_twenty_decibels_are_a_factor_of_ten():
     rng = np.random.default_rng(4)
     phase = rng.uniform(0, 2 * np.pi, (2, 108))
@@ -149,8 +162,9 @@ def test_band_of_an_instrument(bench_maker):
     assert band.rms == pytest.approx(np.sqrt(np.average((bench.frequency - mean) ** 2, weights=sent)), rel=0.01)
 
 
-SCAN = np.array([30.0, 40, 50, 60]), np.array([-9.0, 0, 9])
-NARROW = Band.rectangular(1e9, samples=12)
+SCAN = np.array([30.0, 40, 50, 60]), np.array([-4.0, 5])
+# neither centred nor even, so that what is true of even spectra alone would show
+NARROW = Band(0.2e9 + np.linspace(-0.5e9, 0.5e9, 12), np.linspace(0.5, 1.5, 12) / 12)
 
 
 def spectra(truth, phase, pattern=HORN):
@@ -178,11 +192,23 @@ def most_likely(data, truth, phase, *, shared):
             return rows, free.reshape(count, beams)
         return rows, free[:beams] + np.concatenate([[0.0], free[beams:]])[:, None]
 
-    def residual(x):
-        left = (spectra(*split(x)) - data).ravel()
-        return np.concatenate([left.real, left.imag])
+    def parts(z):
+        return np.concatenate([z.real, z.imag])
 
-    fit = least_squares(residual, np.zeros(4 * count + turns.size), method="lm", ftol=1e-6)
+    def residual(x):
+        return parts((spectra(*split(x)) - data).ravel())
+
+    def slopes(x):
+        columns = [(residual(x + 1e-4 * e) - residual(x - 1e-4 * e)) / 2e-4 for e in np.eye(x.size)[: 4 * count]]
+        rows, free = split(x)
+        each = [1j * spectra(rows[p : p + 1], free[p : p + 1]) for p in range(count)]  # by the phases
+        turned = [sum(each)] if shared else each
+        columns += [parts((own * (np.arange(beams) == b)[:, None]).ravel()) for own in turned for b in range(beams)]
+        if shared:
+            columns += [parts(own.ravel()) for own in each[1:]]
+        return np.stack(columns, axis=-1)
+
+    fit = least_squares(residual, np.zeros(4 * count + turns.size), slopes, method="lm", ftol=1e-6)
     return split(fit.x)[0] - truth
 
 
@@ -199,7 +225,7 @@ def test_maximum_likelihood_reaches_the_bound(late, aside, shared):
     truth = np.array([[20e-9, 38.0, 2.0, np.log(200.0)]])
     if late is not None:
         truth = np.vstack([truth, [truth[0, 0] + late, truth[0, 1] + aside, 1.0, np.log(150.0)]])
-    phase = rng.uniform(0, 2 * np.pi, (len(truth), 12))
+    phase = rng.uniform(0, 2 * np.pi, (len(truth), 8))
     if shared:
         phase = phase[:1] + np.arange(len(truth))[:, None] * 1.9
     clean = spectra(truth, phase)
