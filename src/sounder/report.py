@@ -142,8 +142,8 @@ def read_truth(path: Path) -> tuple[xr.Dataset, list[str]]:
     complaints: list[str] = []
     if path.suffix.lower() == ".csv":
         table, complaints = read_csv(path)
-    elif "path" in open_group(path).dims:
-        table = open_group(path)
+    elif "path" in (traced := open_group(path)).dims:
+        table = traced
     else:
         table, complaints = read_product(path)
     names = ["position", "delay", "azimuth", "elevation", "path_gain"]
