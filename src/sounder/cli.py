@@ -1,5 +1,6 @@
 """Command line of the sounder: from raw captures to impulse responses, DAPS and MPCs."""
 
+import math
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -189,6 +190,48 @@ def figures(
             written += draw_overlay(products[0], products[1], out, suffix=file_format.value)
     print(f"{out}: {len(written)} figures")
     console.complain(failures)
+
+
+@app.command()
+def score(
+    products: Annotated[list[Path], typer.Argument(help="Products of `sounder process`, or MPC tables (.csv).")],
+    truth: Annotated[Path, typer.Option(help="truth/paths.h5 of `sounder simulate`, an MPC table or a product.")],
+    delay_gate: Annotated[float, typer.Option(help="How far an MPC may be off its path [s].")] = 1e-9,
+    azimuth_gate: Annotated[float, typer.Option(help="The same [degree].")] = 5.0,
+    elevation_gate: Annotated[float, typer.Option(help="The same [degree].")] = math.inf,
+    gain_gate: Annotated[float, typer.Option(help="The same [dB].")] = 10.0,
+    dynamic_range: Annotated[float, typer.Option(help="Paths to be found: so far under the strongest [dB],")] = 25.0,
+    least_snr: Annotated[float, typer.Option(help="and so far over the noise, where it is known [dB].")] = 10.0,
+    out: Annotated[Path | None, typer.Option(help="Folder for a table of all paths and figures.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Judge MPCs by the paths that were there: found, made up, how far off, how honest about it."""
+    import json
+
+    from erm.evaluate import rounded
+    from sounder.report import score_products, write_score
+    from sounder.score import Gates
+
+    gates = Gates(delay_gate, azimuth_gate, elevation_gate, gain_gate)
+    judged, complaints = score_products(products, truth, gates=gates, dynamic_range=dynamic_range, least_snr=least_snr)
+    summary = judged.summary()
+    if as_json:
+        print(json.dumps(rounded(summary, digits=15), indent=2))
+    else:
+        print(
+            f"{summary['found']} of {summary['paths']} paths found; {summary['false']} of {summary['mpcs']} MPCs false"
+        )
+        names = ("count", "rmse", "bias", "median_absolute", "within_1_std", "within_2_std")
+        console.show(
+            ["error", *names],
+            (
+                [f"{name} [{row['unit']}]", *(f"{row[key]:.3g}" for key in names)]
+                for name, row in summary["errors"].items()
+            ),
+        )
+    if out:
+        print(f"{out}: {len(write_score(judged, out))} files", file=sys.stderr if as_json else sys.stdout)
+    console.complain(complaints)
 
 
 def _report(outcome: "Outcome", out: Path, what: str) -> None:
