@@ -34,8 +34,8 @@ def main() -> None:
         jobs, _ = gather(recordings, calibration=b2b)
         spent: dict[int, list[float]] = {1: [], 2: []}
         with (
-            LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as one,
-            LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as two,
+            LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as one,
+            LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as two,
         ):
             for round_ in range(ROUNDS + 1):
                 for count, cluster in ((1, one), (2, two)):

@@ -3,10 +3,13 @@
 import signal
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
 
 from erm.errors import DataError
 from sounder.intake import Job, Source, reopen
@@ -64,7 +67,7 @@ def run(
                     LocalCluster(
                         n_workers=min(workers, len(pairs)),
                         threads_per_worker=1,
-                        dashboard_address=None,
+                        dashboard_address=":0",  # any free port: there may be other clusters
                         silence_logs=50,
                     )
                 )
@@ -121,7 +124,12 @@ def _warm(job: Job) -> None:
     """Compile the kernels here, once, so that the workers find them in the cache."""
     from sounder.kernels.average import MSequenceCorrelator
     from sounder.kernels.warm import warm
+    from sounder.mpc import extract
     from sounder.waveform import chips
 
-    waveform = job.recording.sounder.waveform
-    warm(MSequenceCorrelator(chips(waveform), waveform.samples_per_chip))
+    sounder = job.recording.sounder
+    warm(MSequenceCorrelator(chips(sounder.waveform), sounder.waveform.samples_per_chip))
+    grid = {"azimuth": [0.0], "elevation": [0.0], "delay": np.arange(sounder.waveform.samples)}
+    silence = np.zeros([len(axis) for axis in grid.values()], np.complex64)
+    with suppress(DataError):  # each position will say what is wrong with its calibration
+        extract(xr.Dataset({"cir": (tuple(grid), silence)}, coords=grid), Filters().of(job), sounder)

@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from erm.errors import DataError
-from sounder.kernels import finish, portable, simd, vector
+from sounder.kernels import portable, simd, vector
 from sounder.kernels.captures import Averages, Captures, flat_captures
 from sounder.kernels.mls import permutations
-from sounder.kernels.tables import TAIL, State
+from sounder.kernels.reference import walsh_hadamard
+from sounder.kernels.tables import State
 
 ORDERS = range(7, 16)
 SAMPLES_PER_CHIP = range(1, 5)
@@ -90,11 +91,11 @@ class MSequenceCorrelator:
             raise DataError(
                 f"capture: shape {vector.shape}, expected ({self.samples},); check order and samples a chip"
             )
-        wrapped = np.concatenate([vector, vector[: TAIL // 2]]).view(np.float64)
-        sums, z = np.empty(2 * self.samples), np.zeros(2 * (self.samples + self._tables.samples_per_chip))
-        out = np.empty(self.samples, np.complex128)
-        finish.correlate_one(wrapped, sums, z, self._tables, out.view(np.float64))
-        return out
+        chips, spc = self._tables.rows.size, self._tables.samples_per_chip
+        sums = sum(np.roll(vector, -shift) for shift in range(spc))
+        z = np.zeros((chips + 1, spc), complex)
+        z[self._tables.rows] = np.reshape(sums, (chips, spc))
+        return self._tables.polarity * walsh_hadamard(z)[self._tables.delays].ravel()
 
     def accumulator(self) -> "MSequenceAccumulator":
         """Return empty sums that are fed in blocks."""

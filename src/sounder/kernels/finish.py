@@ -1,12 +1,10 @@
-"""Sums over snapshots, common to all paths, and the float64 correlation of one averaged capture."""
+"""Sums over snapshots, common to all paths."""
 
 from typing import Any
 
 import numpy as np
 
-from sounder.kernels.compile import jit, part
-from sounder.kernels.hadamard import chip_sums, scatter, unpermute, walsh_hadamard
-from sounder.kernels.tables import Tables
+from sounder.kernels.compile import part
 
 Array = Any
 
@@ -62,13 +60,3 @@ def mean_capture(partial: Array, total: Array, count: int, out: Array) -> None:
     scale = 1.0 / count
     for t in range(min(partial.size, out.size)):
         out[t] = np.float32((total[t] + partial[t]) * scale)
-
-
-@jit
-def correlate_one(e: Array, u: Array, z: Array, tables: Tables, out: Array) -> None:
-    """Correlate one wrapped capture in float64; u and z are work space, z zero."""
-    spc = tables.samples_per_chip
-    chip_sums(e, spc, u)
-    scatter(u.view(np.complex128), tables.rows, spc, spc, 0, z.view(np.complex128))
-    walsh_hadamard(z, 2 * spc)
-    unpermute(z, 2 * spc, tables.delays, spc, tables.polarity, out)

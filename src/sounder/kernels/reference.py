@@ -31,3 +31,14 @@ def average(iq: npt.NDArray[np.number], template: npt.ArrayLike) -> tuple[Comple
     """Average the correlation over snapshots (axis 0): coherent mean, and mean of the squared magnitude."""
     correlation = correlate(iq, template)
     return correlation.mean(0), (np.abs(correlation) ** 2).mean(0)
+
+
+def walsh_hadamard(z: Complex) -> Complex:
+    """Transform over the rows (2**m, column), natural order: ``out[i] = sum_j (-1)^popcount(i & j) z[j]``."""
+    rows, columns = z.shape
+    half = 1
+    while half < rows:
+        pairs = z.reshape(rows // (2 * half), 2, half, columns)
+        z = np.stack([pairs[:, 0] + pairs[:, 1], pairs[:, 0] - pairs[:, 1]], axis=1).reshape(rows, columns)
+        half *= 2
+    return z
