@@ -76,7 +76,7 @@ class Deembedding:
         array complex (..., sample)
             CIR; path gain amplitude, the receive antenna included.
         """
-        cir = np.fft.ifft(np.fft.fft(correlation) * self.transfer)
+        cir = np.fft.ifft(np.fft.fft(np.asarray(correlation, complex)) * self.transfer)
         offset = np.median(cir.real, axis=-1) + 1j * np.median(cir.imag, axis=-1)
         return cir - offset[..., None]
 

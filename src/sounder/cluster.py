@@ -129,7 +129,8 @@ def _warm(job: Job) -> None:
 
     sounder = job.recording.sounder
     warm(MSequenceCorrelator(chips(sounder.waveform), sounder.waveform.samples_per_chip))
-    grid = {"azimuth": [0.0], "elevation": [0.0], "delay": np.arange(sounder.waveform.samples)}
-    silence = np.zeros([len(axis) for axis in grid.values()], np.complex64)
+    shape = {"azimuth": 1, "elevation": 1, "delay": sounder.waveform.samples}
+    coords = {name: np.arange(size) for name, size in shape.items()}
+    silence = np.zeros(tuple(shape.values()), np.complex64)
     with suppress(DataError):  # each position will say what is wrong with its calibration
-        extract(xr.Dataset({"cir": (tuple(grid), silence)}, coords=grid), Filters().of(job), sounder)
+        extract(xr.Dataset({"cir": (tuple(shape), silence)}, coords=coords), Filters().of(job), sounder)

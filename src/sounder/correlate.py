@@ -117,11 +117,14 @@ def impulse_responses(
         for (e, a), direction in zip(places, pool.map(work, places), strict=True):
             if direction.problem:
                 problems.append(Problem(float(recording.azimuth[a]), float(recording.elevation[e]), direction.problem))
-            if direction.cir is not None and np.isfinite(direction.cir).all():
-                cir[a, e] = direction.cir * 10 ** (-recording.agc_gain[a, e] / 20)
+            if direction.mean is not None and np.isfinite(direction.mean).all():
+                cir[a, e] = direction.mean * 10 ** (-recording.agc_gain[a, e] / 20)
                 coherence[a, e] = direction.coherence
             if progress is not None:
                 progress()
+    if averaging != "power":  # de-embedding is linear, so that it may follow the average
+        for a in range(len(cir)):
+            cir[a] = filter_.apply(cir[a])
     if np.isnan(cir).all():
         what = problems[0].what.partition(";")[0] if problems else "no direction was recorded"
         raise DataError(f"{recording.source}: {recording.name}: {what}, in all directions; record the position again")
@@ -156,9 +159,9 @@ COHERENCE = {"units": "1", "long_name": "share of the power at the strongest del
 
 
 class Direction(NamedTuple):
-    """Averaged CIR of one direction, complex (sample,); None if there is no signal."""
+    """Average of one direction, complex (sample,): correlation, or CIR for powers; None if there is no signal."""
 
-    cir: NDArray[np.complex128] | None
+    mean: NDArray[np.complexfloating] | None
     coherence: float
     problem: str | None
 
@@ -202,7 +205,7 @@ class _Blocks:
         return None
 
 
-def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: Deembedding) -> Direction:
+def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, _filter: Deembedding) -> Direction:
     sums = correlator.accumulator()
     for captures in blocks:
         sums.add(captures)
@@ -211,10 +214,10 @@ def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: Deembed
     mean, power = sums.result()
     strongest = int(np.argmax(power))
     coherence = float(np.abs(mean[strongest]) ** 2 / power[strongest])
-    return Direction(filter_.apply(mean), coherence, blocks.problem)
+    return Direction(mean, coherence, blocks.problem)
 
 
-def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: Deembedding) -> Direction:
+def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, _filter: Deembedding) -> Direction:
     """Mean after turning each snapshot to the common phase, by its inner product with the mean so far."""
     first = next(iter(blocks))
     reference = correlator.correlate(first[:1])[0].astype(complex)
@@ -224,7 +227,7 @@ def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: De
             each = correlator.correlate(captures).astype(complex)
             total += np.exp(-1j * np.angle(each @ np.conj(reference))) @ each
         reference = total / blocks.snapshots
-    return Direction(filter_.apply(reference) if blocks.signal else None, np.nan, blocks.problem)
+    return Direction(reference if blocks.signal else None, np.nan, blocks.problem)
 
 
 def _power(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: Deembedding) -> Direction:
