@@ -39,8 +39,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from sounder.antenna import STEP, Pattern
 from sounder.calibration import Deembedding
-from sounder.config import Sounder
-from sounder.waveform import held_template
 
 Phases = Literal["own", "shared"]
 Real = NDArray[np.float64]
@@ -75,10 +73,10 @@ class Band:
     density: Real
 
     @classmethod
-    def of(cls, filter_: Deembedding, sounder: Sounder) -> Self:
+    def of(cls, filter_: Deembedding) -> Self:
         """Band of impulse responses made with a de-embedding filter from white receiver noise."""
         frequency = np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate).astype(float)
-        noise = np.abs(np.fft.fft(held_template(sounder.waveform)) * filter_.transfer) ** 2
+        noise = filter_.noise
         told = np.divide(filter_.weight**2, noise, out=np.zeros_like(noise), where=noise > 0)  # DC tells nothing
         return cls(frequency, told * noise.sum() / filter_.weight.sum() ** 2)
 

@@ -149,7 +149,7 @@ def test_two_paths_of_one_delay():
 def test_band_of_an_instrument(bench_maker):
     """From SNR in the impulse response to the bound is what the receiver's noise and the sent spectrum say."""
     bench = bench_maker(seed=5)
-    band = Band.of(bench.filter_, bench.sounder)
+    band = Band.of(bench.filter_)
     sent = np.abs(bench.sent) ** 2 * (bench.filter_.weight > 0)
     sent[0] = 0  # the back-to-back holds no DC
     template = np.fft.fft(held_template(bench.sounder.waveform))
