@@ -28,7 +28,9 @@ def describe_file(path: Path) -> Lines:
     DataError
         The file is missing or none of these.
     """
-    with native.opened(path) as file:
+    with native.opened(
+        path, "a recording or a product; for MATLAB's format say how it is laid out with --layout"
+    ) as file:
         kind = native.kind_of(path)
         product = "mpc" in file and "daps" in file
     if kind == native.BACK_TO_BACK:

@@ -125,7 +125,7 @@ def foreign_file(path: Path) -> Iterator[ForeignFile]:
     if path.suffix == ".mat" and path.is_file() and not h5py.is_hdf5(path):
         yield ForeignFile(path, _matlab(path))
     else:
-        with opened(path) as file:
+        with opened(path, "HDF5 as the layout tells, or MATLAB's format in a file named .mat") as file:
             yield ForeignFile(path, file)
 
 

@@ -60,8 +60,22 @@ def test_what_is_no_recording_is_named(copied, capsys):
     assert run("process", absent, text, b2b, copied / "RX2.h5", "--calibration", b2b, "--out", out) == 1
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == f"{absent}: no such file"
+    assert lines[1].startswith(
+        f"{text}: not an HDF5 file; expected a recording in HDF5, or in MATLAB's format with --lay"
+    )
     assert [line.split(": ")[0] for line in lines] == [str(absent), str(text), str(b2b)]
     assert names(out) == ["RX2.h5"]
+
+
+def test_what_is_not_hdf5_is_told_without_advice_that_was_followed(copied, joined, capsys):
+    text, layout = copied / "text.h5", joined.with_name("layout.toml")
+    text.write_text("not HDF5")
+    told = f"{text}: not an HDF5 file; expected HDF5 as the layout tells, or MATLAB's format in a file named .mat\n"
+    for command in (("process", text, "--out", copied / "out"), ("info", text)):
+        assert run(*command, "--layout", layout) == 1
+        assert capsys.readouterr().err == told
+    assert run("process", copied / "RX1.h5", "--calibration", text, "--out", copied / "out") == 1
+    assert capsys.readouterr().err == f"{text}: not an HDF5 file; expected a back-to-back recording\n"
 
 
 def test_directions_of_zeros_or_clipped_samples_are_named_one_by_one(copied, capsys):
