@@ -114,8 +114,28 @@ def process(
     else:
         filters = Filters()
         parts = (process_position(job, target, options, filters=filters, threads=threads) for job, target in pairs)
-    for part in parts:
-        outcome.add(part)
+    failures: list[tuple[str, Job]] = []
+    for (job, _), part in zip(pairs, parts, strict=True):
+        outcome.products += part.products
+        outcome.notes += part.notes
+        failures += [(failure, job) for failure in part.failures]
         if progress is not None:
             progress()
+    outcome.failures += _once(failures, jobs)
     return outcome
+
+
+def _once(failures: Sequence[tuple[str, Job]], jobs: Sequence[Job]) -> list[str]:
+    """Say what failed alike in several positions once, with their number."""
+    alike: dict[str, list[Path]] = {}
+    for failure, job in failures:
+        alike.setdefault(failure, []).append(job.recording.source)
+    lines = []
+    for failure, files in alike.items():
+        one_file = len(set(files)) == 1
+        total = sum(job.recording.source == files[0] for job in jobs) if one_file else len(jobs)
+        if len(files) > 1:
+            count = f"all {total}" if len(files) == total else f"{len(files)} of {total}"
+            failure += f" ({count} positions{f' of {files[0].name}' if one_file else ''})"
+        lines.append(failure)
+    return lines

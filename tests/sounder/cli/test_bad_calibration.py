@@ -29,6 +29,17 @@ def test_the_back_to_back_of_another_sounder_is_refused(copied, campaign, replac
     assert names(copied / "out") == []
 
 
+def test_the_positions_of_one_file_share_one_line(campaign, joined, tmp_path, capsys):
+    layout = joined.with_name("layout.toml")
+    layout.write_text(
+        layout.read_text().replace("[positions]", "[sounder.waveform]\npolynomial = [7, 3, 0]\n[positions]")
+    )
+    described = ("--layout", layout, "--sounder", campaign / "sounder.toml")
+    assert run("process", joined, *described, "--out", tmp_path / "out") == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("run sounder info on it to find what it holds (all 2 positions of foreign.h5)")
+
+
 def test_no_back_to_back_at_all_is_told(copied, capsys):
     assert run("process", copied / "RX1.h5", "--out", copied / "out") == 1
     assert capsys.readouterr().err == (f"{copied / 'RX1.h5'}: no back-to-back capture; pass one with --calibration\n")

@@ -78,24 +78,29 @@ def test_what_is_not_hdf5_is_told_without_advice_that_was_followed(copied, joine
     assert capsys.readouterr().err == f"{text}: not an HDF5 file; expected a back-to-back recording\n"
 
 
-def test_directions_of_zeros_or_clipped_samples_are_named_one_by_one(copied, capsys):
+def test_directions_of_zeros_or_clipped_samples_are_summed_up(copied, capsys):
     with h5py.File(copied / "RX1.h5", "r+") as file:
         file["iq"][2, 0] = 0
         file["iq"][7, 1, 0, :2] = [[-32768, 32767], [32767, 0]]
+        for a in range(8, 11):
+            file["iq"][a, 1, 1, 7] = -32768, 32767
     b2b, out = copied / "back-to-back.h5", copied / "out"
     assert run("process", copied / "RX1.h5", "--calibration", b2b, "--out", out) == 1
     zero, clipped = capsys.readouterr().err.splitlines()
     who = f"{copied / 'RX1.h5'}: RX1: "
-    assert zero == f"{who}azimuth 60, elevation -15: all samples are zero; left out"
-    # 3 of 2 x 254 x 2 numbers
-    assert clipped == f"{who}azimuth 210, elevation 15: 0.3 % of the samples are clipped; lower the receiver gain"
+    assert zero == f"{who}all samples are zero in 1 of 24 directions: (azimuth, elevation) (60, -15); left out"
+    # 3 of 2 x 254 x 2 numbers at worst
+    assert clipped == (
+        f"{who}samples are clipped (up to 0.3 %) in 4 of 24 directions: (azimuth, elevation) (210, 15), (240, 15), "
+        "(270, 15) and 1 more; lower the receiver gain"
+    )
     daps = group(out / "RX1.h5", "/daps")
     assert daps["daps"].sel(azimuth=60, elevation=-15).isnull().all()
     assert daps["daps"].isnull().sum() == 254
-    assert group(out / "RX1.h5", "/").attrs["problem_directions"] == 2
+    assert group(out / "RX1.h5", "/").attrs["problem_directions"] == 5
     capsys.readouterr()
     assert run("info", copied / "RX1.h5") == 0
-    assert facts(capsys)["health"] == "no direction missing, 1 all zero, 1 clipped"
+    assert facts(capsys)["health"] == "no direction missing, 1 all zero, 4 clipped"
 
 
 def test_missing_directions_are_processed_and_noted(copied, capsys):
