@@ -1,10 +1,12 @@
 """What is wrong with a recording is one line, and the rest of the batch is done."""
 
+import re
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from scipy.constants import c
 
 from .commands import facts, group, names, run
 
@@ -101,6 +103,33 @@ def test_directions_of_zeros_or_clipped_samples_are_summed_up(copied, capsys):
     capsys.readouterr()
     assert run("info", copied / "RX1.h5") == 0
     assert facts(capsys)["health"] == "no direction missing, 1 all zero, 4 clipped"
+
+
+@pytest.mark.parametrize(
+    ("end", "east"),
+    [("rx_position", 62.0), ("tx_position", -46.0)],  # the period is 63.5 m of path
+)
+def test_a_gain_over_free_space_tells_that_a_position_is_wrong(copied, end, east, capsys):
+    with h5py.File(copied / "RX1.h5", "r+") as file:
+        file[end][0, 0] = east
+    b2b, out = copied / "back-to-back.h5", copied / "out"
+    assert run("process", copied / "RX1.h5", copied / "RX2.h5", "--calibration", b2b, "--out", out) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    # the direct path of 8.4 m is taken for one that is a period later
+    length = np.sqrt(8**2 + 2**2 + 1.5**2)
+    gain, later = (20 * np.log10(c / 132e9 / (4 * np.pi * metres)) for metres in (length, length + 254 / 1.2e9 * c))
+    told = re.fullmatch(
+        re.escape(f"{copied / 'RX1.h5'}: RX1: the MPC at ")
+        + r"([\d.]+) ns has a path gain of (-[\d.]+) dB; free space "
+        r"over ([\d.]+) m allows (-[\d.]+) dB: check the positions .*; the product is not to be trusted",
+        line,
+    )
+    assert told is not None, line
+    # delays to 0.1 ns and a gain to 1 dB, as in a sound recording; the free-space gain is rounded to 0.1 dB
+    assert float(told[1]) == pytest.approx((length / c + 254 / 1.2e9) * 1e9, abs=0.1)
+    assert float(told[2]) == pytest.approx(gain, abs=1.0)
+    assert float(told[4]) == pytest.approx(later, abs=0.1)
+    assert names(out) == ["RX1.h5", "RX2.h5"]
 
 
 def test_missing_directions_are_processed_and_noted(copied, capsys):
