@@ -40,9 +40,14 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
     for recording in recordings:
         try:
             target = targets.claim(recording, name=out.stem if single else None)
+        except DataError as error:
+            outcome.failures.append(str(error))
+            continue
+        try:
             native.write_recording(recording, target, history="sounder convert")
         except DataError as error:
             outcome.failures.append(str(error))
+            targets.release(target)
         else:
             outcome.products.append(target)
     if b2b is not None:

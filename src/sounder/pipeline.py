@@ -56,6 +56,10 @@ class Targets:
         self._taken[target] = who
         return target
 
+    def release(self, target: Path) -> None:
+        """Give a name back where nothing was written to it."""
+        del self._taken[target]
+
 
 def process(
     jobs: Sequence[Job],
@@ -69,7 +73,8 @@ def process(
 ) -> Outcome:
     """Process recordings into one product a position.
 
-    The products are the same, to the last byte, for any number of threads and workers.
+    The products are the same, to the last byte, for any number of threads and workers. Of positions of one name the
+    first that succeeds has it, in the order of the jobs.
 
     Parameters
     ----------
@@ -99,30 +104,39 @@ def process(
     """
     options = options or Options()
     targets = Targets(out, {path for job in jobs for path in (job.recording.source, job.b2b.source)})
-    outcome = Outcome()
-    pairs: list[tuple[Job, Path]] = []
-    for job in jobs:
-        try:
-            pairs.append((job, targets.claim(job.recording)))
-        except DataError as error:
-            outcome.failures.append(str(error))
-    parts: Iterable[Outcome]
-    if workers > 1 or scheduler is not None:
-        from sounder.cluster import run  # distributed is optional and slow to import
+    filters = Filters()
 
-        parts = run(pairs, options, workers=workers, threads=threads, scheduler=scheduler)
-    else:
-        filters = Filters()
-        parts = (process_position(job, target, options, filters=filters, threads=threads) for job, target in pairs)
-    failures: list[tuple[str, Job]] = []
-    for (job, _), part in zip(pairs, parts, strict=True):
-        outcome.products += part.products
-        outcome.notes += part.notes
-        failures += [(failure, job) for failure in part.failures]
-        if progress is not None:
-            progress()
-    outcome.failures += _once(failures, jobs)
-    return outcome
+    def run(named: Sequence[tuple[Job, Path]]) -> Iterable[Outcome]:
+        if workers > 1 or scheduler is not None:
+            from sounder import cluster  # distributed is optional and slow to import
+
+            return cluster.run(named, options, workers=workers, threads=threads, scheduler=scheduler)
+        return (process_position(job, target, options, filters=filters, threads=threads) for job, target in named)
+
+    parts: dict[int, Outcome] = {}
+    while len(parts) < len(jobs):  # once more where a name is free again because its first position failed
+        named: dict[int, tuple[Job, Path]] = {}
+        refused: dict[int, Outcome] = {}
+        for place, job in enumerate(jobs):
+            if place not in parts:
+                try:
+                    named[place] = job, targets.claim(job.recording)
+                except DataError as error:
+                    refused[place] = Outcome(failures=[str(error)])
+        if not named:
+            parts |= refused
+        for place, part in zip(named, run(list(named.values())), strict=True):
+            parts[place] = part
+            if not part.products:
+                targets.release(named[place][1])
+            if progress is not None:
+                progress()
+    told = [(failure, job) for place, job in enumerate(jobs) for failure in parts[place].failures]
+    return Outcome(
+        products=[product for place in range(len(jobs)) for product in parts[place].products],
+        failures=_once(told, jobs),
+        notes=[note for place in range(len(jobs)) for note in parts[place].notes],
+    )
 
 
 def _once(failures: Sequence[tuple[str, Job]], jobs: Sequence[Job]) -> list[str]:
