@@ -49,12 +49,18 @@ def reconstruct(
     from erm.mpc_table import read_mpcs, write_reflection_points
     from erm.reconstruct import reconstruct as merge_walls
     from erm.select import select
+    from erm.storage import provenance
 
     table, complaints = read_mpcs(mpcs)
     if complaints and not table.sizes["mpc"]:
         console.complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
     selected = select(table, threshold=threshold.value, max_reflection_loss=max_loss, ground_height=ground)
     environment, merged = merge_walls(selected, min_support=min_support)
+    options = {"threshold": threshold.value, "max_reflection_loss": max_loss, "ground_height": ground}
+    options["min_support"] = min_support
+    inputs = {path for path in mpcs if path.is_file()}
+    origin = provenance("Reconstructed environment", "erm reconstruct", inputs=sorted(inputs), options=options)
+    environment.reflectors.attrs.update(origin)
     environment.write(out)
     if rps:
         write_reflection_points(merged, rps)

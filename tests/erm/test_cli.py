@@ -1,5 +1,6 @@
 """The command line: exit codes, one line an error, files whole or not at all."""
 
+import hashlib
 import json
 import subprocess
 import sys
@@ -67,6 +68,25 @@ def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys
     assert table["los"].values.tolist() == [1, 1]
     assert reflected == pytest.approx(measured["delay"].values[1], abs=1e-12)
     assert capsys.readouterr().out.splitlines()[0].split("\t")[0] == "delay [ns]"
+
+
+@pytest.mark.parametrize("suffix", ["h5", "geojson", "gpkg", "csv"])
+def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
+    other, out = tmp_path / "other" / "mpcs.csv", tmp_path / f"map.{suffix}"
+    other.parent.mkdir()
+    other.write_text(mpcs.read_text().splitlines()[0] + "\n")
+    assert run("reconstruct", mpcs, other, "--out", out, "--max-loss", 9, "--min-support", 2, "--ground", -1) == 0
+    told = Environment.read(out).reflectors.attrs
+    assert told["history"] == "erm reconstruct"
+    assert json.loads(told["input_sha256"]) == {
+        f"{path.parent.name}/mpcs.csv": hashlib.sha256(path.read_bytes()).hexdigest() for path in (mpcs, other)
+    }
+    assert json.loads(told["processing_options"]) == {
+        "threshold": "fixed",
+        "max_reflection_loss": 9,
+        "min_support": 2,
+        "ground_height": -1,
+    }
 
 
 def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path, capsys):
