@@ -92,6 +92,7 @@ def describe_back_to_back(b2b: BackToBack) -> Lines:
     measured = "measured S21" if b2b.s21 is not None else "nominal"
     return [
         ("kind", "back-to-back recording"),
+        ("title", b2b.title),
         *_sounder(b2b.sounder),
         ("snapshots", str(len(captures))),
         ("attenuation", f"{b2b.attenuation:g} dB ({measured})"),

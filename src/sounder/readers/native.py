@@ -209,6 +209,7 @@ def back_to_back(path: Path) -> BackToBack:
             attenuation=attenuation,
             s21=_attenuator(file, path) if "attenuator_s21" in file else None,
             includes_tx_antenna=bool(file.attrs.get("includes_tx_antenna", 0)),
+            title=str(file.attrs.get("title", BackToBack.title)),
         )
 
 
@@ -292,7 +293,7 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
 def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: Iterable[Path] = ()) -> None:
     """Write a back-to-back recording as a native file, whole or not at all."""
     with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs.update(provenance("Back-to-back captures", history, inputs=inputs))
+        file.attrs.update(provenance(b2b.title, history, inputs=inputs))
         file.attrs["kind"] = BACK_TO_BACK
         file.attrs["sounder"] = b2b.sounder.model_dump_json()
         file.attrs["attenuation"] = b2b.attenuation
