@@ -127,7 +127,7 @@ def process(
     recordings: Annotated[list[Path], typer.Argument(help="Raw recordings, one or many positions each.")],
     out: Annotated[Path, typer.Option(help="Folder for the products, one file a position.")],
     calibration: Annotated[
-        Path | None, typer.Option(help="Back-to-back recording; may stand inside a foreign file.")
+        Path | None, typer.Option(help="Back-to-back recording (.h5); a foreign file may hold its own.")
     ] = None,
     layout: Layout = None,
     sounder: Description = None,

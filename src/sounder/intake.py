@@ -75,6 +75,8 @@ def gather(
     DataError
         The calibration, the layout or the description cannot be used, so nothing can.
     """
+    if calibration is not None and not calibration.exists():
+        raise DataError(f"{calibration}: no such file; expected a back-to-back recording; {_shipped()}")
     b2b = None if calibration is None else native.back_to_back(calibration)
     if layout is not None:
         layouts.load(layout)
@@ -86,7 +88,7 @@ def gather(
         try:
             found, inside = open_file(path, layout=layout, sounder=sounder)
             if (own := b2b or inside) is None:
-                raise DataError(f"{path}: no back-to-back capture; pass one with --calibration")
+                raise DataError(_uncalibrated(path))
         except DataError as error:
             failures.append(str(error))
             continue
@@ -137,8 +139,16 @@ def reopen(source: Source) -> Job:
     if isinstance(recording, DataError):
         raise recording
     if b2b is None:
-        raise DataError(f"{source.path}: no back-to-back capture; pass one with --calibration")
+        raise DataError(_uncalibrated(source.path))
     return Job(recording, b2b, source)
+
+
+def _uncalibrated(path: Path) -> str:
+    return f"{path}: no back-to-back capture; pass one with --calibration; {_shipped()}"
+
+
+def _shipped() -> str:
+    return f"the synthetic one that ships is {shipped.calibration('back-to-back-132ghz.h5')}"
 
 
 @lru_cache(maxsize=8)

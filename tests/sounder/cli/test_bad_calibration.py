@@ -1,7 +1,11 @@
 """A back-to-back, layout or description that does not fit stops what needs it, in one line."""
 
+from pathlib import Path
+
 import h5py
 import pytest
+
+from sounder.summary import describe_file
 
 from .commands import SCENE, SOUNDER, names, run
 
@@ -41,8 +45,17 @@ def test_the_positions_of_one_file_share_one_line(campaign, joined, tmp_path, ca
 
 
 def test_no_back_to_back_at_all_is_told(copied, capsys):
-    assert run("process", copied / "RX1.h5", "--out", copied / "out") == 1
-    assert capsys.readouterr().err == (f"{copied / 'RX1.h5'}: no back-to-back capture; pass one with --calibration\n")
+    recording, absent = copied / "RX1.h5", copied / "absent.h5"
+    assert run("process", recording, "--out", copied / "out") == 1
+    first = capsys.readouterr().err
+    assert first.startswith(
+        f"{recording}: no back-to-back capture; pass one with --calibration; the synthetic one that "
+    )
+    assert run("process", recording, "--calibration", absent, "--out", copied / "out") == 1
+    second = capsys.readouterr().err
+    assert second.startswith(f"{absent}: no such file; expected a back-to-back recording; the synthetic one that ")
+    for line in (first, second):  # and there it is
+        assert dict(describe_file(Path(line.strip().rpartition(" is ")[2])))["kind"] == "back-to-back recording"
 
 
 def test_a_back_to_back_of_zeros_is_told(copied, capsys):
