@@ -17,6 +17,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # markup would swallow units in brackets
     help="Reconstruct the environment from multipath components, judge it, and predict from it.",
 )
+console.add_version(app)
 Point = tuple[float, float, float]
 MapFile = Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)]
 
@@ -161,7 +162,10 @@ def predict(
 
 @app.command()
 def letter(out: Annotated[Path, typer.Option(help="Folder for the tables and figures.")]) -> None:
-    """Reproduce the letter's tables and figures from its published reflection points."""
+    """Reproduce the letter's tables and figures.
+
+    They are recomputed from its published reflection points.
+    """
     from erm import letter as published
     from erm.figures import plot_error_cdf, plot_letter_points
     from erm.storage import atomic_path

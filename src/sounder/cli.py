@@ -22,6 +22,7 @@ app = typer.Typer(
     help="Process raw captures of a radio channel sounder.",
 )
 
+console.add_version(app)
 Layout = Annotated[Path | None, typer.Option(help="How a foreign HDF5 or MATLAB file is laid out (TOML).")]
 Description = Annotated[
     Path | None, typer.Option("--sounder", help="Sounder description (TOML); default: that of the recording.")
@@ -62,7 +63,10 @@ class Format(StrEnum):
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path("demo-output"),
 ) -> None:
-    """Run the whole chain on the letter's campaign: simulate, process, reconstruct, score."""
+    """Run the whole chain on the letter's campaign.
+
+    It is simulated, processed from the raw captures, reconstructed and scored.
+    """
     from sounder.demo import run
 
     run(out)
@@ -73,7 +77,10 @@ def simulate(
     scene: Annotated[Path, typer.Argument(help="Scene (TOML): environment, positions, instrument.")],
     out: Annotated[Path, typer.Option(help="Folder for raw recordings, back-to-back and truth.")],
 ) -> None:
-    """Simulate the raw recordings of a scene, and write down its truth."""
+    """Simulate the raw recordings of a scene.
+
+    Its truth, environment and paths, is written beside them.
+    """
     from sounder.scene import load_scene
     from sounder.simulate import simulate_campaign
 
@@ -172,7 +179,10 @@ def figures(
     overlay: Annotated[bool, typer.Option("--overlay", help="Draw two positions into one polar DAPS.")] = False,
     file_format: Annotated[Format, typer.Option("--format", help="File format.")] = Format.png,
 ) -> None:
-    """Draw DAPS (polar and cartesian, with the MPCs) and PDP of products."""
+    """Draw DAPS, MPCs and PDP of products.
+
+    The DAPS is drawn in polar form, and in cartesian form with the MPCs over it.
+    """
     from sounder.report import draw_overlay, draw_product
 
     if overlay and len(products) != 2:
@@ -205,7 +215,10 @@ def score(
     out: Annotated[Path | None, typer.Option(help="Folder for a table of all paths and figures.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Judge MPCs by the paths that were there: found, made up, how far off, how honest about it."""
+    """Judge MPCs by the paths that were there.
+
+    How many were found, how many made up, how far off they are and how honest about it.
+    """
     import json
 
     from erm.evaluate import rounded

@@ -5,6 +5,7 @@ import json
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -166,6 +167,16 @@ def test_an_error_is_one_line(tmp_path: Path, mpcs: Path, capsys, arguments, com
 )
 def test_wrong_usage_exits_with_2(arguments):
     assert run(*arguments) == 2
+
+
+def test_version_and_a_line_for_each_command(monkeypatch, capsys):
+    assert run("--version") == 0
+    assert capsys.readouterr().out == f"sounder-to-map {version('sounder-to-map')}\n"
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("--help") == 0
+    told = capsys.readouterr().out
+    assert "Reconstruct the environment from multipath components" in told
+    assert "..." not in told.partition("Commands:")[2]
 
 
 def test_help_is_quick():

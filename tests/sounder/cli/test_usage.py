@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.metadata import version
 
 import pytest
 
@@ -31,6 +32,19 @@ def test_a_missing_file_is_one_line_and_1(tmp_path, command, capsys):
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"{tmp_path / 'absent'}: ")
     assert names(tmp_path) == []
+
+
+def test_version_is_told(capsys):
+    assert run("--version") == 0
+    assert capsys.readouterr().out == f"sounder-to-map {version('sounder-to-map')}\n"
+
+
+def test_help_says_what_each_command_is_for_in_a_line(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("--help") == 0
+    told = capsys.readouterr().out
+    assert "Process raw captures of a radio channel sounder." in told
+    assert "..." not in told.partition("Commands:")[2]
 
 
 def test_help_imports_nothing_heavy():
