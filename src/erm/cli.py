@@ -45,6 +45,8 @@ def reconstruct(
     ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
 ) -> None:
     """Reconstruct the walls that reflected the components."""
+    _require_suffix(rps, ".csv")
+    _require_suffix(figure, ".png", ".pdf", ".svg")
     import numpy as np
 
     from erm.mpc_table import read_mpcs, write_reflection_points
@@ -120,13 +122,14 @@ def evaluate(
     if as_json:
         print(json.dumps(rounded(result), indent=2))
     else:
-        print(f"{walls['walls']} walls, {walls['false']} false; {walls['found']} faces of the outline found")
+        seen = f"{walls['found']} faces of the outline found, {walls['missed']} missed"
+        print(f"{walls['walls']} walls, {walls['false']} false; {seen}")
         errors = {"walls: offset [m]": walls["offset_error"], "walls: angle [degree]": walls["angle_error"]}
         for kind, summaries in result.get("points", {}).items():
             errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}
         names = ("count", "min", "max", "mean", "median", "std", "rmse")
         console.show(
-            ["error", *names], ([label, *(_number(row[name]) for name in names)] for label, row in errors.items())
+            ["error", *names], ([label, *(_digits(row[name]) for name in names)] for label, row in errors.items())
         )
     console.complain(complaints)
 
@@ -196,6 +199,16 @@ def main() -> None:
 def _number(value: float) -> str:
     """Return a count as it is, other numbers to the hundredth, nothing for NaN."""
     return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.2f}"
+
+
+def _digits(value: float) -> str:
+    """Return a count as it is, an error to three significant digits, nothing for NaN."""
+    return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.3g}"
+
+
+def _require_suffix(path: Path | None, *known: str) -> None:
+    if path is not None and path.suffix.lower() not in known:
+        raise DataError(f"{path}: the suffix {path.suffix!r} is not supported; choose {', '.join(known)}")
 
 
 if __name__ == "__main__":

@@ -102,7 +102,27 @@ def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path,
     assert result["points"]["single"]["perpendicular"]["mean"] == pytest.approx(0.1, abs=1e-3)
     assert result["points"]["planar"]["perpendicular"]["mean"] > 0.3
     assert run("evaluate", out, "--outline", outline) == 0
-    assert "1 walls, 0 false; 1 faces of the outline found" in capsys.readouterr().out
+    assert "1 walls, 0 false; 1 faces of the outline found, 0 missed" in capsys.readouterr().out
+
+
+def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
+    Environment.walls([[[-60, 0], [60, 0]]]).write(tmp_path / "map.h5")
+    Environment.walls([[[-60, 0.00312], [60, 0.00312]], [[-60, 20], [60, 20]]]).write(tmp_path / "outline.geojson")
+    assert run("evaluate", tmp_path / "map.h5", "--outline", tmp_path / "outline.geojson") == 0
+    walls, header, offset, _ = capsys.readouterr().out.splitlines()
+    assert walls == "1 walls, 0 false; 1 faces of the outline found, 1 missed"
+    told = dict(zip(header.split("\t"), offset.split("\t"), strict=True))
+    assert (told["error"], told["count"], told["rmse"]) == ("walls: offset [m]", "1", "0.00312")
+
+
+def test_a_suffix_that_is_not_known_is_told_before_anything_is_written(tmp_path: Path, mpcs: Path, capsys):
+    out = tmp_path / "map.h5"
+    for option, name in (("--rps", "points.xlsx"), ("--figure", "map.docx"), ("--figure", "map")):
+        assert run("reconstruct", mpcs, "--out", out, option, tmp_path / name) == 1
+        assert capsys.readouterr().err.startswith(
+            f"{tmp_path / name}: the suffix {Path(name).suffix!r} is not supported"
+        )
+    assert not out.exists()
 
 
 def test_the_letters_tables_and_figures_are_written(tmp_path: Path, capsys):
