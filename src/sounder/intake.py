@@ -8,7 +8,7 @@ from pathlib import Path
 from erm.errors import DataError
 from sounder import layout as layouts
 from sounder import shipped
-from sounder.config import load
+from sounder.config import Sounder, load
 from sounder.readers import layout as foreign
 from sounder.readers import native, open_recordings
 from sounder.recording import BackToBack, Recording
@@ -121,8 +121,13 @@ def open_file(
     if layout is None:
         return open_recordings(path, described), None
     plan = layouts.load(layout)
-    base = described or load(shipped.calibration("sounder-132ghz.toml"))
+    base = described or _unnamed(layout)
     return foreign.recordings(path, plan, base), foreign.back_to_back(path, plan, base)
+
+
+def _unnamed(layout: Path) -> Sounder:
+    """The shipped description as what a layout overrides; the instrument is another, so its name is not kept."""
+    return load(shipped.calibration("sounder-132ghz.toml")).model_copy(update={"name": f"sounder of {layout.name}"})
 
 
 def reopen(source: Source) -> Job:

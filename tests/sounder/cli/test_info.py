@@ -40,4 +40,11 @@ def test_info_tells_of_a_foreign_file(campaign, joined, capsys):
     assert run("info", joined, "--layout", joined.with_name("layout.toml"), "--sounder", campaign / "sounder.toml") == 0
     out = capsys.readouterr().out
     assert out.count("raw recording") == 2
+    assert out.count("sounder\tsmall sounder, 132 GHz") == 3
     assert out.count("back-to-back recording") == 1
+
+
+def test_the_shipped_sounder_does_not_give_its_name_to_another(joined, capsys):
+    assert run("info", joined, "--layout", joined.with_name("layout.toml")) == 1
+    for line in capsys.readouterr().err.splitlines():
+        assert "254 samples a capture, but sounder of layout.toml describes 1022" in line

@@ -112,6 +112,8 @@ axes = ["sample", "iq", "snapshot"]
 attenuation = { attribute = "loss" }
 scale_factor = 3e-7
 includes_tx_antenna = true
+[sounder]
+name = { attribute = "instrument" }
 [sounder.carrier]
 frequency = { attribute = "carrier" }
 lo_frequency = { attribute = "carrier" }
@@ -125,10 +127,12 @@ if_frequency = 0
         "agc": np.array([3.0, 7.0]),
         "b2b": B2B.transpose(1, 2, 0),
     }
-    found, b2b = opened(content, layout, {"raw@tx": TX, "lsb": [5e-7], "loss": 61.5, "carrier": 140e9})
+    found, b2b = opened(
+        content, layout, {"raw@tx": TX, "lsb": [5e-7], "loss": 61.5, "carrier": 140e9, "instrument": "D-band"}
+    )
     assert [(r.name, r.los, r.scale_factor) for r in found] == [("P0", 1, 5e-7), ("P1", 0, 5e-7)]
     assert [np.unique(r.agc_gain).tolist() for r in found] == [[3], [7]]
-    assert {r.sounder.carrier.frequency for r in found} == {140e9}
+    assert {(r.sounder.name, r.sounder.carrier.frequency) for r in found} == {("D-band", 140e9)}
     assert np.array_equal([r.rx_position for r in found], RX)
     assert np.array_equal(found[1].tx_position, TX)
     assert isinstance(b2b, BackToBack)

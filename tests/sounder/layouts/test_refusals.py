@@ -54,6 +54,7 @@ from .captures import IQ, PLAIN, POSITIONS, change
             "the layout's [sounder]: waveform: polynomial is [7, 1, 0]; expected falling exponents from 8",
         ),
         (PLAIN + "[sounder.waveform]\nchirp = 8\n", "the layout's [sounder]: waveform.chirp: unknown key"),
+        (PLAIN + '[sounder]\nname = { dataset = "raw" }\n', "sounder: name: raw holds no text (int16)"),
         (PLAIN + '[sounder.carrier]\nfrequency = { of = "raw" }\n', "frequency: a reference names either a dataset or"),
         (PLAIN + '[back_to_back]\ndataset = "b"\naxes = ["sample"]\nattenuation = 60\n', "no dataset b;"),
         (
