@@ -23,6 +23,9 @@ app = typer.Typer(
 )
 
 console.add_version(app)
+FEW = 3
+"""Positions of a file that are told of at length."""
+
 Layout = Annotated[Path | None, typer.Option(help="How a foreign HDF5 or MATLAB file is laid out (TOML).")]
 Description = Annotated[
     Path | None, typer.Option("--sounder", help="Sounder description (TOML); default: that of the recording.")
@@ -95,6 +98,7 @@ def info(
     file: Annotated[Path, typer.Argument(help="Raw recording, back-to-back recording or product.")],
     layout: Layout = None,
     sounder: Description = None,
+    each: Annotated[bool, typer.Option("--each", help=f"Tell all of each position, of more than {FEW} too.")] = False,
 ) -> None:
     """Tell what a raw or product file holds, and its health."""
     from sounder import summary
@@ -104,10 +108,15 @@ def info(
         return
     from sounder.intake import open_file
 
-    recordings, b2b = open_file(file, layout=layout, sounder=sounder)
-    failures = [str(item) for item in recordings if isinstance(item, DataError)]
-    for recording in recordings:
-        if not isinstance(recording, DataError):
+    found, b2b = open_file(file, layout=layout, sounder=sounder)
+    failures = [str(item) for item in found if isinstance(item, DataError)]
+    recordings = [item for item in found if not isinstance(item, DataError)]
+    if len(recordings) > FEW and not each:
+        common, header, rows = summary.describe_positions(recordings)
+        console.show(["what", "value"], [*common, ("positions", str(len(rows)))])
+        console.show(header, rows)
+    else:
+        for recording in recordings:
             console.show(["what", "value"], summary.describe_recording(recording))
     if b2b is not None:
         console.show(["what", "value"], summary.describe_back_to_back(b2b))

@@ -1,5 +1,6 @@
 """`sounder info`: what a file holds, and its health."""
 
+import h5py
 import numpy as np
 from scipy.constants import c
 
@@ -48,3 +49,25 @@ def test_the_shipped_sounder_does_not_give_its_name_to_another(joined, capsys):
     assert run("info", joined, "--layout", joined.with_name("layout.toml")) == 1
     for line in capsys.readouterr().err.splitlines():
         assert "254 samples a capture, but sounder of layout.toml describes 1022" in line
+
+
+def test_many_positions_are_a_line_each_unless_all_is_asked_for(campaign, joined, capsys):
+    with h5py.File(joined, "r+") as file:
+        for name in ("iq", "agc_gain", "tx_position", "rx_position"):
+            attributes, twice = dict(file[name].attrs), np.concatenate([file[name][()]] * 2)
+            del file[name]
+            file[name] = twice
+            file[name].attrs.update(attributes)
+        file["rx_position"][3] = 14, -1e-4, 1.5
+    command = ("info", joined, "--layout", joined.with_name("layout.toml"), "--sounder", campaign / "sounder.toml")
+    assert run(*command) == 0
+    out = capsys.readouterr().out
+    common, _, positions = out.partition("\nposition\t")
+    assert "TX position\t4.00, 5.00, 3.00 m\n" in common
+    assert common.endswith("\npositions\t4")
+    header, *rows = positions.splitlines()[:5]  # the name stands first
+    assert header.split("\t") == ["RX position", "received power"]
+    assert [row.split("\t")[0] for row in rows] == ["P0", "P1", "P2", "P3"]
+    assert rows[3].split("\t")[1] == "14.00, 0.00, 1.50 m"  # a tenth of a millimetre south is no minus
+    assert run(*command, "--each") == 0
+    assert capsys.readouterr().out.count("raw recording") == 4
