@@ -106,10 +106,10 @@ def info(
     if layout is None:
         console.show(["what", "value"], summary.describe_file(file))
         return
-    from sounder.intake import open_file
+    from sounder.intake import open_file, refusals
 
     found, b2b = open_file(file, layout=layout, sounder=sounder)
-    failures = [str(item) for item in found if isinstance(item, DataError)]
+    failures = refusals(file, found)
     recordings = [item for item in found if not isinstance(item, DataError)]
     if len(recordings) > FEW and not each:
         common, header, rows = summary.describe_positions(recordings)

@@ -92,12 +92,41 @@ def gather(
         except DataError as error:
             failures.append(str(error))
             continue
-        for position, item in enumerate(found):
-            if isinstance(item, DataError):
-                failures.append(str(item))
-            else:
-                jobs.append(Job(item, own, Source(path, position, calibration, layout, sounder)))
+        failures += refusals(path, found)
+        jobs += [
+            Job(item, own, Source(path, position, calibration, layout, sounder))
+            for position, item in enumerate(found)
+            if not isinstance(item, DataError)
+        ]
     return jobs, failures
+
+
+def refusals(path: Path, found: Sequence[Recording | DataError]) -> list[str]:
+    """One line for each thing that is wrong with positions of a file from :func:`open_file`."""
+    return told_once([(str(item), path) for item in found if isinstance(item, DataError)], [path] * len(found))
+
+
+def told_once(failures: Sequence[tuple[str, Path]], positions: Sequence[Path]) -> list[str]:
+    """Say what failed alike in several positions once, with their number.
+
+    Parameters
+    ----------
+    failures : sequence of (str, Path)
+        What failed, and the file of the position.
+    positions : sequence of Path
+        The file of every position, those that did not fail included.
+    """
+    alike: dict[str, list[Path]] = {}
+    for failure, file in failures:
+        alike.setdefault(failure, []).append(file)
+    lines = []
+    for failure, files in alike.items():
+        one_file = len(set(files)) == 1
+        total = positions.count(files[0]) if one_file else len(positions)
+        count = f"all {total}" if len(files) == total else f"{len(files)} of {total}"
+        where = f" ({count} positions{f' of {files[0].name}' if one_file else ''})"
+        lines.append(failure + (where if len(files) > 1 else ""))
+    return lines
 
 
 def open_file(

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from erm.errors import DataError
-from sounder.intake import Job
+from sounder.intake import Job, told_once
 from sounder.position import Filters, Options, Outcome, process_position
 from sounder.recording import Recording
 
@@ -131,25 +131,9 @@ def process(
                 targets.release(named[place][1])
             if progress is not None:
                 progress()
-    told = [(failure, job) for place, job in enumerate(jobs) for failure in parts[place].failures]
+    told = [(failure, job.recording.source) for place, job in enumerate(jobs) for failure in parts[place].failures]
     return Outcome(
         products=[product for place in range(len(jobs)) for product in parts[place].products],
-        failures=_once(told, jobs),
+        failures=told_once(told, [job.recording.source for job in jobs]),
         notes=[note for place in range(len(jobs)) for note in parts[place].notes],
     )
-
-
-def _once(failures: Sequence[tuple[str, Job]], jobs: Sequence[Job]) -> list[str]:
-    """Say what failed alike in several positions once, with their number."""
-    alike: dict[str, list[Path]] = {}
-    for failure, job in failures:
-        alike.setdefault(failure, []).append(job.recording.source)
-    lines = []
-    for failure, files in alike.items():
-        one_file = len(set(files)) == 1
-        total = sum(job.recording.source == files[0] for job in jobs) if one_file else len(jobs)
-        if len(files) > 1:
-            count = f"all {total}" if len(files) == total else f"{len(files)} of {total}"
-            failure += f" ({count} positions{f' of {files[0].name}' if one_file else ''})"
-        lines.append(failure)
-    return lines

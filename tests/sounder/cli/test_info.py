@@ -46,9 +46,16 @@ def test_info_tells_of_a_foreign_file(campaign, joined, capsys):
 
 
 def test_the_shipped_sounder_does_not_give_its_name_to_another(joined, capsys):
-    assert run("info", joined, "--layout", joined.with_name("layout.toml")) == 1
-    for line in capsys.readouterr().err.splitlines():
-        assert "254 samples a capture, but sounder of layout.toml describes 1022" in line
+    layout = ("--layout", joined.with_name("layout.toml"))
+    for command in (
+        ("info", joined),
+        ("process", joined, "--out", joined.parent),
+        ("convert", joined, "--out", joined.parent / "x"),
+    ):
+        assert run(*command, *layout) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"{joined}: 254 samples a capture, but sounder of layout.toml describes 1022 ")
+        assert line.endswith(" (all 2 positions of foreign.h5)")
 
 
 def test_many_positions_are_a_line_each_unless_all_is_asked_for(campaign, joined, capsys):
