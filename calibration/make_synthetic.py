@@ -5,6 +5,7 @@ constants below and from fixed seeds, so two runs agree.
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from sounder.twin import back_to_back
 HPBW = {"azimuth": 10.0, "elevation": 9.0}
 PHASE_ERROR = np.radians(35.0)
 FAR_OUT = -40.0
+TITLE = "SYNTHETIC back-to-back captures of a 132 GHz sounder: computed by make_synthetic.py, not measured"
 
 Reals = NDArray[np.float64]
 
@@ -105,7 +107,7 @@ def main(folder: Path) -> None:
     description = Path(__file__).parent / "sounder-132ghz.toml"
     b2b = back_to_back(load(description), read_s21(attenuator), snapshots=32, seed=132)
     write_back_to_back(
-        b2b,
+        replace(b2b, title=TITLE),
         folder / "back-to-back-132ghz.h5",
         history="python calibration/make_synthetic.py",
         inputs=[description, attenuator],

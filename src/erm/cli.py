@@ -17,6 +17,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # markup would swallow units in brackets
     help="Reconstruct the environment from multipath components, judge it, and predict from it.",
 )
+console.add_version(app)
 Point = tuple[float, float, float]
 MapFile = Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)]
 
@@ -44,17 +45,25 @@ def reconstruct(
     ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
 ) -> None:
     """Reconstruct the walls that reflected the components."""
+    _require_suffix(rps, ".csv")
+    _require_suffix(figure, ".png", ".pdf", ".svg")
     import numpy as np
 
     from erm.mpc_table import read_mpcs, write_reflection_points
     from erm.reconstruct import reconstruct as merge_walls
     from erm.select import select
+    from erm.storage import provenance
 
     table, complaints = read_mpcs(mpcs)
     if complaints and not table.sizes["mpc"]:
         console.complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
     selected = select(table, threshold=threshold.value, max_reflection_loss=max_loss, ground_height=ground)
     environment, merged = merge_walls(selected, min_support=min_support)
+    options = {"threshold": threshold.value, "max_reflection_loss": max_loss, "ground_height": ground}
+    options["min_support"] = min_support
+    inputs = {path for path in mpcs if path.is_file()}
+    origin = provenance("Reconstructed environment", "erm reconstruct", inputs=sorted(inputs), options=options)
+    environment.reflectors.attrs.update(origin)
     environment.write(out)
     if rps:
         write_reflection_points(merged, rps)
@@ -113,13 +122,14 @@ def evaluate(
     if as_json:
         print(json.dumps(rounded(result), indent=2))
     else:
-        print(f"{walls['walls']} walls, {walls['false']} false; {walls['found']} faces of the outline found")
+        seen = f"{walls['found']} faces of the outline found, {walls['missed']} missed"
+        print(f"{walls['walls']} walls, {walls['false']} false; {seen}")
         errors = {"walls: offset [m]": walls["offset_error"], "walls: angle [degree]": walls["angle_error"]}
         for kind, summaries in result.get("points", {}).items():
             errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}
         names = ("count", "min", "max", "mean", "median", "std", "rmse")
         console.show(
-            ["error", *names], ([label, *(_number(row[name]) for name in names)] for label, row in errors.items())
+            ["error", *names], ([label, *(_digits(row[name]) for name in names)] for label, row in errors.items())
         )
     console.complain(complaints)
 
@@ -155,7 +165,10 @@ def predict(
 
 @app.command()
 def letter(out: Annotated[Path, typer.Option(help="Folder for the tables and figures.")]) -> None:
-    """Reproduce the letter's tables and figures from its published reflection points."""
+    """Reproduce the letter's tables and figures.
+
+    They are recomputed from its published reflection points.
+    """
     from erm import letter as published
     from erm.figures import plot_error_cdf, plot_letter_points
     from erm.storage import atomic_path
@@ -186,6 +199,16 @@ def main() -> None:
 def _number(value: float) -> str:
     """Return a count as it is, other numbers to the hundredth, nothing for NaN."""
     return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.2f}"
+
+
+def _digits(value: float) -> str:
+    """Return a count as it is, an error to three significant digits, nothing for NaN."""
+    return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.3g}"
+
+
+def _require_suffix(path: Path | None, *known: str) -> None:
+    if path is not None and path.suffix.lower() not in known:
+        raise DataError(f"{path}: the suffix {path.suffix!r} is not supported; choose {', '.join(known)}")
 
 
 if __name__ == "__main__":

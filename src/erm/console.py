@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from erm.errors import DataError
+from erm.storage import SOFTWARE
 
 if TYPE_CHECKING:
     import typer
@@ -28,6 +29,22 @@ def run(app: "typer.Typer") -> None:
         if stop.code == INTERRUPTED:
             print("interrupted; what was finished is whole, the rest is not there", file=sys.stderr)
         raise
+
+
+def add_version(app: "typer.Typer") -> None:
+    """Give a command line the option ``--version``."""
+    import typer
+
+    def tell(asked: bool) -> None:
+        if asked:
+            print(SOFTWARE)
+            raise typer.Exit
+
+    @app.callback(help=app.info.help)
+    def options(
+        version: bool = typer.Option(False, "--version", callback=tell, is_eager=True, help="Tell the version."),
+    ) -> None:
+        del version
 
 
 def show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

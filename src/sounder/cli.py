@@ -22,6 +22,10 @@ app = typer.Typer(
     help="Process raw captures of a radio channel sounder.",
 )
 
+console.add_version(app)
+FEW = 3
+"""Positions of a file that are told of at length."""
+
 Layout = Annotated[Path | None, typer.Option(help="How a foreign HDF5 or MATLAB file is laid out (TOML).")]
 Description = Annotated[
     Path | None, typer.Option("--sounder", help="Sounder description (TOML); default: that of the recording.")
@@ -62,7 +66,10 @@ class Format(StrEnum):
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path("demo-output"),
 ) -> None:
-    """Run the whole chain on the letter's campaign: simulate, process, reconstruct, score."""
+    """Run the whole chain on the letter's campaign.
+
+    It is simulated, processed from the raw captures, reconstructed and scored.
+    """
     from sounder.demo import run
 
     run(out)
@@ -73,7 +80,10 @@ def simulate(
     scene: Annotated[Path, typer.Argument(help="Scene (TOML): environment, positions, instrument.")],
     out: Annotated[Path, typer.Option(help="Folder for raw recordings, back-to-back and truth.")],
 ) -> None:
-    """Simulate the raw recordings of a scene, and write down its truth."""
+    """Simulate the raw recordings of a scene.
+
+    Its truth, environment and paths, is written beside them.
+    """
     from sounder.scene import load_scene
     from sounder.simulate import simulate_campaign
 
@@ -88,6 +98,7 @@ def info(
     file: Annotated[Path, typer.Argument(help="Raw recording, back-to-back recording or product.")],
     layout: Layout = None,
     sounder: Description = None,
+    each: Annotated[bool, typer.Option("--each", help=f"Tell all of each position, of more than {FEW} too.")] = False,
 ) -> None:
     """Tell what a raw or product file holds, and its health."""
     from sounder import summary
@@ -95,12 +106,17 @@ def info(
     if layout is None:
         console.show(["what", "value"], summary.describe_file(file))
         return
-    from sounder.intake import open_file
+    from sounder.intake import open_file, refusals
 
-    recordings, b2b = open_file(file, layout=layout, sounder=sounder)
-    failures = [str(item) for item in recordings if isinstance(item, DataError)]
-    for recording in recordings:
-        if not isinstance(recording, DataError):
+    found, b2b = open_file(file, layout=layout, sounder=sounder)
+    failures = refusals(file, found)
+    recordings = [item for item in found if not isinstance(item, DataError)]
+    if len(recordings) > FEW and not each:
+        common, header, rows = summary.describe_positions(recordings)
+        console.show(["what", "value"], [*common, ("positions", str(len(rows)))])
+        console.show(header, rows)
+    else:
+        for recording in recordings:
             console.show(["what", "value"], summary.describe_recording(recording))
     if b2b is not None:
         console.show(["what", "value"], summary.describe_back_to_back(b2b))
@@ -127,7 +143,7 @@ def process(
     recordings: Annotated[list[Path], typer.Argument(help="Raw recordings, one or many positions each.")],
     out: Annotated[Path, typer.Option(help="Folder for the products, one file a position.")],
     calibration: Annotated[
-        Path | None, typer.Option(help="Back-to-back recording; may stand inside a foreign file.")
+        Path | None, typer.Option(help="Back-to-back recording (.h5); a foreign file may hold its own.")
     ] = None,
     layout: Layout = None,
     sounder: Description = None,
@@ -172,7 +188,10 @@ def figures(
     overlay: Annotated[bool, typer.Option("--overlay", help="Draw two positions into one polar DAPS.")] = False,
     file_format: Annotated[Format, typer.Option("--format", help="File format.")] = Format.png,
 ) -> None:
-    """Draw DAPS (polar and cartesian, with the MPCs) and PDP of products."""
+    """Draw DAPS, MPCs and PDP of products.
+
+    The DAPS is drawn in polar form, and in cartesian form with the MPCs over it.
+    """
     from sounder.report import draw_overlay, draw_product
 
     if overlay and len(products) != 2:
@@ -205,7 +224,10 @@ def score(
     out: Annotated[Path | None, typer.Option(help="Folder for a table of all paths and figures.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Judge MPCs by the paths that were there: found, made up, how far off, how honest about it."""
+    """Judge MPCs by the paths that were there.
+
+    How many were found, how many made up, how far off they are and how honest about it.
+    """
     import json
 
     from erm.evaluate import rounded

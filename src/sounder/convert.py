@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from erm.errors import DataError
-from sounder.intake import open_file
+from sounder.intake import open_file, refusals
 from sounder.pipeline import Targets
 from sounder.position import Outcome
 from sounder.readers import native
@@ -31,7 +31,7 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
         The file cannot be read, or holds more than one file can take.
     """
     found, b2b = open_file(path, layout=layout, sounder=sounder)
-    outcome = Outcome(failures=[str(item) for item in found if isinstance(item, DataError)])
+    outcome = Outcome(failures=refusals(path, found))
     recordings = [item for item in found if not isinstance(item, DataError)]
     single = out.suffix == ".h5"
     if single and (len(recordings) > 1 or b2b is not None):
@@ -40,9 +40,14 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
     for recording in recordings:
         try:
             target = targets.claim(recording, name=out.stem if single else None)
+        except DataError as error:
+            outcome.failures.append(str(error))
+            continue
+        try:
             native.write_recording(recording, target, history="sounder convert")
         except DataError as error:
             outcome.failures.append(str(error))
+            targets.release(target)
         else:
             outcome.products.append(target)
     if b2b is not None:

@@ -25,11 +25,13 @@ CLIPPED = 1e-3
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong with one direction, and whether it was still used."""
+    """What is wrong with one direction, what was or is to be done about it, and the share of its samples."""
 
     azimuth: float
     elevation: float
     what: str
+    then: str
+    share: float = 1.0
 
 
 def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
@@ -116,7 +118,8 @@ def impulse_responses(
         places = np.argwhere(recording.valid.T)
         for (e, a), direction in zip(places, pool.map(work, places), strict=True):
             if direction.problem:
-                problems.append(Problem(float(recording.azimuth[a]), float(recording.elevation[e]), direction.problem))
+                azimuth, elevation = float(recording.azimuth[a]), float(recording.elevation[e])
+                problems.append(Problem(azimuth, elevation, *direction.problem))
             if direction.mean is not None and np.isfinite(direction.mean).all():
                 cir[a, e] = direction.mean * 10 ** (-recording.agc_gain[a, e] / 20)
                 coherence[a, e] = direction.coherence
@@ -126,7 +129,7 @@ def impulse_responses(
         for a in range(len(cir)):
             cir[a] = filter_.apply(cir[a])
     if np.isnan(cir).all():
-        what = problems[0].what.partition(";")[0] if problems else "no direction was recorded"
+        what = problems[0].what if problems else "no direction was recorded"
         raise DataError(f"{recording.source}: {recording.name}: {what}, in all directions; record the position again")
     dataset = xr.Dataset(
         {
@@ -150,8 +153,9 @@ def impulse_responses(
 
 BLOCK = 2**20
 """Samples read at a time, in bytes: they stay in the processor's second-level cache."""
-ZERO = "all samples are zero; left out"
-NOT_FINITE = "samples are NaN or infinite; left out"
+ZERO = ("all samples are zero", "left out", 1.0)
+NOT_FINITE = ("samples are NaN or infinite", "left out", 1.0)
+RAILS = ("samples are clipped", "lower the receiver gain")
 AZIMUTH = {"units": "degree", "long_name": "horn azimuth, counter-clockwise from east"}
 ELEVATION = {"units": "degree", "long_name": "horn elevation above the horizon"}
 DELAY = {"units": "s", "long_name": "propagation delay"}
@@ -163,7 +167,7 @@ class Direction(NamedTuple):
 
     mean: NDArray[np.complexfloating] | None
     coherence: float
-    problem: str | None
+    problem: tuple[str, str, float] | None
 
 
 class _Blocks:
@@ -194,14 +198,14 @@ class _Blocks:
             yield captures
 
     @property
-    def problem(self) -> str | None:
-        """What is wrong with the captures that have passed."""
+    def problem(self) -> tuple[str, str, float] | None:
+        """What is wrong with the captures that have passed; the last three fields of :class:`Problem`."""
         if not self._finite:
             return NOT_FINITE
         if not self.signal:
             return ZERO
         if self._rails > CLIPPED * self._numbers:
-            return f"{100 * self._rails / self._numbers:.1f} % of the samples are clipped; lower the receiver gain"
+            return (*RAILS, self._rails / self._numbers)
         return None
 
 

@@ -17,6 +17,7 @@ from erm.mpc_table import path_length, read_mpcs
 from erm.outline import outline_of
 from erm.reconstruct import reconstruct
 from erm.select import select
+from erm.storage import provenance
 from sounder import shipped
 from sounder.intake import gather
 from sounder.pipeline import process
@@ -61,6 +62,8 @@ def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     table, complaints = read_mpcs(outcome.products)
     selected = select(table)
     environment, merged = reconstruct(selected)
+    origin = provenance("Reconstructed environment", "sounder demo", inputs=outcome.products)
+    environment.reflectors.attrs.update(origin)
     environment.write(out / "map.geojson")
     truth = Environment.read(out / "truth" / "environment.geojson")
     score = score_map(environment, selected, merged, truth)

@@ -8,7 +8,7 @@ from pathlib import Path
 from erm.errors import DataError
 from sounder import layout as layouts
 from sounder import shipped
-from sounder.config import load
+from sounder.config import Sounder, load
 from sounder.readers import layout as foreign
 from sounder.readers import native, open_recordings
 from sounder.recording import BackToBack, Recording
@@ -75,6 +75,8 @@ def gather(
     DataError
         The calibration, the layout or the description cannot be used, so nothing can.
     """
+    if calibration is not None and not calibration.exists():
+        raise DataError(f"{calibration}: no such file; expected a back-to-back recording; {_shipped()}")
     b2b = None if calibration is None else native.back_to_back(calibration)
     if layout is not None:
         layouts.load(layout)
@@ -86,16 +88,45 @@ def gather(
         try:
             found, inside = open_file(path, layout=layout, sounder=sounder)
             if (own := b2b or inside) is None:
-                raise DataError(f"{path}: no back-to-back capture; pass one with --calibration")
+                raise DataError(_uncalibrated(path))
         except DataError as error:
             failures.append(str(error))
             continue
-        for position, item in enumerate(found):
-            if isinstance(item, DataError):
-                failures.append(str(item))
-            else:
-                jobs.append(Job(item, own, Source(path, position, calibration, layout, sounder)))
+        failures += refusals(path, found)
+        jobs += [
+            Job(item, own, Source(path, position, calibration, layout, sounder))
+            for position, item in enumerate(found)
+            if not isinstance(item, DataError)
+        ]
     return jobs, failures
+
+
+def refusals(path: Path, found: Sequence[Recording | DataError]) -> list[str]:
+    """One line for each thing that is wrong with positions of a file from :func:`open_file`."""
+    return told_once([(str(item), path) for item in found if isinstance(item, DataError)], [path] * len(found))
+
+
+def told_once(failures: Sequence[tuple[str, Path]], positions: Sequence[Path]) -> list[str]:
+    """Say what failed alike in several positions once, with their number.
+
+    Parameters
+    ----------
+    failures : sequence of (str, Path)
+        What failed, and the file of the position.
+    positions : sequence of Path
+        The file of every position, those that did not fail included.
+    """
+    alike: dict[str, list[Path]] = {}
+    for failure, file in failures:
+        alike.setdefault(failure, []).append(file)
+    lines = []
+    for failure, files in alike.items():
+        one_file = len(set(files)) == 1
+        total = positions.count(files[0]) if one_file else len(positions)
+        count = f"all {total}" if len(files) == total else f"{len(files)} of {total}"
+        where = f" ({count} positions{f' of {files[0].name}' if one_file else ''})"
+        lines.append(failure + (where if len(files) > 1 else ""))
+    return lines
 
 
 def open_file(
@@ -119,8 +150,13 @@ def open_file(
     if layout is None:
         return open_recordings(path, described), None
     plan = layouts.load(layout)
-    base = described or load(shipped.calibration("sounder-132ghz.toml"))
+    base = described or _unnamed(layout)
     return foreign.recordings(path, plan, base), foreign.back_to_back(path, plan, base)
+
+
+def _unnamed(layout: Path) -> Sounder:
+    """The shipped description as what a layout overrides; the instrument is another, so its name is not kept."""
+    return load(shipped.calibration("sounder-132ghz.toml")).model_copy(update={"name": f"sounder of {layout.name}"})
 
 
 def reopen(source: Source) -> Job:
@@ -137,8 +173,16 @@ def reopen(source: Source) -> Job:
     if isinstance(recording, DataError):
         raise recording
     if b2b is None:
-        raise DataError(f"{source.path}: no back-to-back capture; pass one with --calibration")
+        raise DataError(_uncalibrated(source.path))
     return Job(recording, b2b, source)
+
+
+def _uncalibrated(path: Path) -> str:
+    return f"{path}: no back-to-back capture; pass one with --calibration; {_shipped()}"
+
+
+def _shipped() -> str:
+    return f"the synthetic one that ships is {shipped.calibration('back-to-back-132ghz.h5')}"
 
 
 @lru_cache(maxsize=8)

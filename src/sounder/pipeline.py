@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from erm.errors import DataError
-from sounder.intake import Job
+from sounder.intake import Job, told_once
 from sounder.position import Filters, Options, Outcome, process_position
 from sounder.recording import Recording
 
@@ -56,6 +56,10 @@ class Targets:
         self._taken[target] = who
         return target
 
+    def release(self, target: Path) -> None:
+        """Give a name back where nothing was written to it."""
+        del self._taken[target]
+
 
 def process(
     jobs: Sequence[Job],
@@ -69,7 +73,8 @@ def process(
 ) -> Outcome:
     """Process recordings into one product a position.
 
-    The products are the same, to the last byte, for any number of threads and workers.
+    The products are the same, to the last byte, for any number of threads and workers. Of positions of one name the
+    first that succeeds has it, in the order of the jobs.
 
     Parameters
     ----------
@@ -99,23 +104,36 @@ def process(
     """
     options = options or Options()
     targets = Targets(out, {path for job in jobs for path in (job.recording.source, job.b2b.source)})
-    outcome = Outcome()
-    pairs: list[tuple[Job, Path]] = []
-    for job in jobs:
-        try:
-            pairs.append((job, targets.claim(job.recording)))
-        except DataError as error:
-            outcome.failures.append(str(error))
-    parts: Iterable[Outcome]
-    if workers > 1 or scheduler is not None:
-        from sounder.cluster import run  # distributed is optional and slow to import
+    filters = Filters()
 
-        parts = run(pairs, options, workers=workers, threads=threads, scheduler=scheduler)
-    else:
-        filters = Filters()
-        parts = (process_position(job, target, options, filters=filters, threads=threads) for job, target in pairs)
-    for part in parts:
-        outcome.add(part)
-        if progress is not None:
-            progress()
-    return outcome
+    def run(named: Sequence[tuple[Job, Path]]) -> Iterable[Outcome]:
+        if workers > 1 or scheduler is not None:
+            from sounder import cluster  # distributed is optional and slow to import
+
+            return cluster.run(named, options, workers=workers, threads=threads, scheduler=scheduler)
+        return (process_position(job, target, options, filters=filters, threads=threads) for job, target in named)
+
+    parts: dict[int, Outcome] = {}
+    while len(parts) < len(jobs):  # once more where a name is free again because its first position failed
+        named: dict[int, tuple[Job, Path]] = {}
+        refused: dict[int, Outcome] = {}
+        for place, job in enumerate(jobs):
+            if place not in parts:
+                try:
+                    named[place] = job, targets.claim(job.recording)
+                except DataError as error:
+                    refused[place] = Outcome(failures=[str(error)])
+        if not named:
+            parts |= refused
+        for place, part in zip(named, run(list(named.values())), strict=True):
+            parts[place] = part
+            if not part.products:
+                targets.release(named[place][1])
+            if progress is not None:
+                progress()
+    told = [(failure, job.recording.source) for place, job in enumerate(jobs) for failure in parts[place].failures]
+    return Outcome(
+        products=[product for place in range(len(jobs)) for product in parts[place].products],
+        failures=told_once(told, [job.recording.source for job in jobs]),
+        notes=[note for place in range(len(jobs)) for note in parts[place].notes],
+    )

@@ -9,15 +9,13 @@ import xarray as xr
 
 from erm.errors import DataError
 from erm.storage import provenance, write_product
+from sounder import remarks
 from sounder.calibration import Deembedding
 from sounder.correlate import Averaging, Problem, calibrate, impulse_responses
 from sounder.daps import Omnidirectional, daps
 from sounder.intake import Job
 from sounder.mpc import Threshold, extract
 from sounder.recording import Recording
-
-INCOHERENT = 0.5
-"""Share of the strongest direction's power kept by coherent averaging under which a note is made."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +46,6 @@ class Outcome:
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def add(self, other: "Outcome") -> None:
-        """Add what became of another part of the batch."""
-        self.products += other.products
-        self.failures += other.failures
-        self.notes += other.notes
-
 
 class Filters:
     """De-embedding filters made so far; the positions of a campaign share one."""
@@ -81,20 +73,11 @@ def process_position(
         write_product(groups, target)
     except DataError as error:
         return Outcome(failures=[str(error)])
-    who = f"{recording.source}: {recording.name}"
-    outcome = Outcome(products=[target])
-    outcome.failures += [f"{who}: azimuth {p.azimuth:g}, elevation {p.elevation:g}: {p.what}" for p in problems]
-    if recording.missing:
-        outcome.notes.append(_missing(recording, who))
-    if not groups["/mpc"].attrs["complete"]:
-        outcome.notes.append(f"{who}: more paths than an MPC table holds; the weakest are left out")
-    kept = _coherence(groups["/daps"])
-    if kept < INCOHERENT:
-        outcome.notes.append(
-            f"{who}: coherent averaging keeps {100 * kept:.0f} % of the strongest direction's power; "
-            "the phase drifts between snapshots: try --averaging phase-aligned"
-        )
-    return outcome
+    return Outcome(
+        products=[target],
+        failures=remarks.failures(recording, groups, problems),
+        notes=remarks.notes(recording, groups),
+    )
 
 
 def products_of(
@@ -126,14 +109,6 @@ def products_of(
     return groups, problems
 
 
-def _coherence(daps_: xr.Dataset) -> float:
-    """Coherence of the direction with the most power; 1 where it was not measured."""
-    if "coherence" not in daps_:
-        return 1.0
-    strongest = int(np.nanargmax(daps_["daps"].max("delay").values))
-    return float(daps_["coherence"].values.flat[strongest])
-
-
 def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
     return xr.Dataset(
         {
@@ -158,14 +133,3 @@ def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
 def _origin(job: Job, options: Options) -> dict[str, Any]:
     sources = {path for path in (job.recording.source, job.b2b.source) if path.is_file()}
     return provenance("Processed captures of one position", "sounder process", inputs=sources, options=vars(options))
-
-
-def _missing(recording: Recording, who: str) -> str:
-    missing = recording.missing
-    shown = ", ".join(f"({a:g}, {e:g})" for a, e in missing[:3])
-    more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-    wanted = len(recording.sounder.scan.azimuth) * len(recording.sounder.scan.elevation)
-    return (
-        f"{who}: {len(missing)} of {wanted} directions missing: (azimuth, elevation) {shown}{more}; "
-        "processed without them"
-    )

@@ -98,6 +98,8 @@ class BackToBack:
         Frequency [Hz] and complex transmission of the attenuator, where it was measured.
     includes_tx_antenna : bool
         True if the level already counts the transmit antenna's gain (referred to the EIRP).
+    title : str
+        What it is, one line.
     """
 
     source: Path
@@ -107,6 +109,7 @@ class BackToBack:
     attenuation: float
     s21: tuple[NDArray[np.float64], NDArray[np.complex128]] | None
     includes_tx_antenna: bool
+    title: str = "Back-to-back captures"
 
 
 def check(recording: Recording, samples: int) -> None:

@@ -143,7 +143,10 @@ def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[], N
     history = f"sounder simulate {scene.name}"
     write_back_to_back(calibration_of(scene), out / "back-to-back.h5", history=history)
     (out / "truth").mkdir(parents=True, exist_ok=True)
-    environment_of(scene).write(out / "truth" / "environment.geojson")
+    environment = environment_of(scene)
+    drawn_in = [scene.environment.file] if scene.environment.file else []
+    environment.reflectors.attrs.update(provenance("Environment that was simulated", history, inputs=drawn_in))
+    environment.write(out / "truth" / "environment.geojson")
     recordings: list[Path] = []
     truth: list[xr.Dataset] = []
     for recording, paths in simulate(scene):

@@ -1,5 +1,6 @@
 """What a raw or product file holds, and whether it is healthy; as labelled lines."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,9 @@ def describe_file(path: Path) -> Lines:
     DataError
         The file is missing or none of these.
     """
-    with native.opened(path) as file:
+    with native.opened(
+        path, "a recording or a product; for MATLAB's format say how it is laid out with --layout"
+    ) as file:
         kind = native.kind_of(path)
         product = "mpc" in file and "daps" in file
     if kind == native.BACK_TO_BACK:
@@ -75,6 +78,25 @@ def describe_recording(recording: Recording) -> Lines:
     ]
 
 
+def describe_positions(recordings: Sequence[Recording]) -> tuple[Lines, list[str], list[list[str]]]:
+    """Describe the positions of one file, a line each; reads all their samples.
+
+    Returns
+    -------
+    common : list of (label, text)
+        What is the same of all.
+    header : list of str
+        What is not.
+    rows : list of list of str
+        That of each position.
+    """
+    told = [dict(describe_recording(recording)) for recording in recordings]
+    texts = {label: [lines[label] for lines in told] for label in told[0]}
+    differ = [label for label, column in texts.items() if len(set(column)) > 1]
+    common = [(label, column[0]) for label, column in texts.items() if label not in differ]
+    return common, differ, [[lines[label] for label in differ] for lines in told]
+
+
 def describe_back_to_back(b2b: BackToBack) -> Lines:
     """Describe a back-to-back recording, with the sequence found in it."""
     captures = b2b.captures
@@ -90,6 +112,7 @@ def describe_back_to_back(b2b: BackToBack) -> Lines:
     measured = "measured S21" if b2b.s21 is not None else "nominal"
     return [
         ("kind", "back-to-back recording"),
+        ("title", b2b.title),
         *_sounder(b2b.sounder),
         ("snapshots", str(len(captures))),
         ("attenuation", f"{b2b.attenuation:g} dB ({measured})"),
@@ -140,4 +163,4 @@ def _sounder(sounder: Sounder) -> Lines:
 
 
 def _metres(position: np.ndarray) -> str:
-    return ", ".join(f"{value:.2f}" for value in position) + " m"
+    return ", ".join(f"{value:z.2f}" for value in position) + " m"

@@ -1,9 +1,11 @@
 """The command line: exit codes, one line an error, files whole or not at all."""
 
+import hashlib
 import json
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +71,25 @@ def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys
     assert capsys.readouterr().out.splitlines()[0].split("\t")[0] == "delay [ns]"
 
 
+@pytest.mark.parametrize("suffix", ["h5", "geojson", "gpkg", "csv"])
+def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
+    other, out = tmp_path / "other" / "mpcs.csv", tmp_path / f"map.{suffix}"
+    other.parent.mkdir()
+    other.write_text(mpcs.read_text().splitlines()[0] + "\n")
+    assert run("reconstruct", mpcs, other, "--out", out, "--max-loss", 9, "--min-support", 2, "--ground", -1) == 0
+    told = Environment.read(out).reflectors.attrs
+    assert told["history"] == "erm reconstruct"
+    assert json.loads(told["input_sha256"]) == {
+        f"{path.parent.name}/mpcs.csv": hashlib.sha256(path.read_bytes()).hexdigest() for path in (mpcs, other)
+    }
+    assert json.loads(told["processing_options"]) == {
+        "threshold": "fixed",
+        "max_reflection_loss": 9,
+        "min_support": 2,
+        "ground_height": -1,
+    }
+
+
 def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path, capsys):
     out, outline = tmp_path / "map.h5", tmp_path / "outline.geojson"
     Environment.walls([[[-60, -9.1], [60, -9.1]]]).write(outline)
@@ -81,7 +102,27 @@ def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path,
     assert result["points"]["single"]["perpendicular"]["mean"] == pytest.approx(0.1, abs=1e-3)
     assert result["points"]["planar"]["perpendicular"]["mean"] > 0.3
     assert run("evaluate", out, "--outline", outline) == 0
-    assert "1 walls, 0 false; 1 faces of the outline found" in capsys.readouterr().out
+    assert "1 walls, 0 false; 1 faces of the outline found, 0 missed" in capsys.readouterr().out
+
+
+def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
+    Environment.walls([[[-60, 0], [60, 0]]]).write(tmp_path / "map.h5")
+    Environment.walls([[[-60, 0.00312], [60, 0.00312]], [[-60, 20], [60, 20]]]).write(tmp_path / "outline.geojson")
+    assert run("evaluate", tmp_path / "map.h5", "--outline", tmp_path / "outline.geojson") == 0
+    walls, header, offset, _ = capsys.readouterr().out.splitlines()
+    assert walls == "1 walls, 0 false; 1 faces of the outline found, 1 missed"
+    told = dict(zip(header.split("\t"), offset.split("\t"), strict=True))
+    assert (told["error"], told["count"], told["rmse"]) == ("walls: offset [m]", "1", "0.00312")
+
+
+def test_a_suffix_that_is_not_known_is_told_before_anything_is_written(tmp_path: Path, mpcs: Path, capsys):
+    out = tmp_path / "map.h5"
+    for option, name in (("--rps", "points.xlsx"), ("--figure", "map.docx"), ("--figure", "map")):
+        assert run("reconstruct", mpcs, "--out", out, option, tmp_path / name) == 1
+        assert capsys.readouterr().err.startswith(
+            f"{tmp_path / name}: the suffix {Path(name).suffix!r} is not supported"
+        )
+    assert not out.exists()
 
 
 def test_the_letters_tables_and_figures_are_written(tmp_path: Path, capsys):
@@ -146,6 +187,16 @@ def test_an_error_is_one_line(tmp_path: Path, mpcs: Path, capsys, arguments, com
 )
 def test_wrong_usage_exits_with_2(arguments):
     assert run(*arguments) == 2
+
+
+def test_version_and_a_line_for_each_command(monkeypatch, capsys):
+    assert run("--version") == 0
+    assert capsys.readouterr().out == f"sounder-to-map {version('sounder-to-map')}\n"
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("--help") == 0
+    told = capsys.readouterr().out
+    assert "Reconstruct the environment from multipath components" in told
+    assert "..." not in told.partition("Commands:")[2]
 
 
 def test_help_is_quick():

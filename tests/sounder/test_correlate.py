@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from erm.errors import DataError
-from sounder.correlate import calibrate, impulse_responses
+from sounder.correlate import Problem, calibrate, impulse_responses
 from sounder.kernels.average import MSequenceCorrelator
 from sounder.recording import Recording
 from sounder.waveform import chips, held_template
@@ -167,7 +167,7 @@ def test_zero_directions_are_left_out_and_told(small_bench):
         cir, problems = responses(small_bench, captures, averaging)
         assert np.isfinite(cir[0]).all()
         assert np.isnan(cir[1]).all()
-        assert [(p.azimuth, p.elevation, p.what) for p in problems] == [(10.0, 0.0, "all samples are zero; left out")]
+        assert problems == [Problem(10.0, 0.0, "all samples are zero", "left out")]
 
 
 def test_clipped_directions_are_used_and_told(small_bench):
@@ -177,7 +177,7 @@ def test_clipped_directions_are_used_and_told(small_bench):
     cir, problems = responses(small_bench, loud[None, None, None])
     assert np.isfinite(cir).all()
     (problem,) = problems
-    assert f"{100 * share:.1f} % of the samples are clipped" in problem.what
+    assert problem == Problem(0.0, 0.0, "samples are clipped", "lower the receiver gain", pytest.approx(share))
     # samples that just touch the ends now and then are no clipping
     quiet = as_int16(sent(small_bench))
     quiet[0] = 32767

@@ -1,8 +1,10 @@
 """A batch: what fails costs itself alone, and what is written is whole."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -66,6 +68,31 @@ def test_damage_met_while_reading_costs_its_position_alone(jobs, tmp_path):
     outcome = process([first, broken, third], tmp_path / "out")
     assert [path.stem for path in outcome.products] == ["A", "C"]
     assert outcome.failures == ["B.h5: iq cannot be read (checksum); copy the file again"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_what_fails_alike_in_many_positions_is_told_once(jobs, tmp_path, description, workers):
+    batch = jobs("A", "B", "C")
+    other = description(waveform={**WAVEFORM, "polynomial": [7, 3, 0]}, rx_antenna=HORN)
+    native.write_back_to_back(twin.back_to_back(other, 60.0), tmp_path / "b2b.h5", history="test")
+    batch = gather([job.recording.source for job in batch], calibration=tmp_path / "b2b.h5")[0]
+    (failure,) = process(batch, tmp_path / "out", workers=workers).failures
+    assert failure.startswith(f"{tmp_path / 'b2b.h5'}: back-to-back of another sounder: ")
+    assert failure.endswith(" (all 3 positions)")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_position_that_failed_leaves_its_name_to_the_next_recording_of_it(jobs, tmp_path, workers):
+    batch = jobs("A", "A", "B", "A")
+    with h5py.File(batch[0].recording.source, "r+") as file:
+        file["iq"][()] = 0
+    outcome = process(batch, tmp_path / "out", workers=workers)
+    assert [path.stem for path in outcome.products] == ["A", "B"]
+    assert json.loads(open_group(outcome.products[0]).attrs["input_sha256"]).keys() == {"1.h5", "b2b.h5"}
+    zero, taken = outcome.failures
+    assert zero.startswith(f"{tmp_path / '0.h5'}: A: all samples are zero")
+    assert taken.startswith(f"{tmp_path / '3.h5'}: position A: ")
+    assert f"is already taken by {tmp_path / '1.h5'}: position A" in taken
 
 
 def test_noise_alone_gives_a_legal_product_without_mpcs(jobs, tmp_path):

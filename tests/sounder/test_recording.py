@@ -228,7 +228,7 @@ def test_files_that_are_none_are_told(tmp_path, path):
         open_recordings(tmp_path / "none.h5")
     text = tmp_path / "text.h5"
     text.write_text("not HDF5")
-    with pytest.raises(DataError, match="not a recording of a known format"):
+    with pytest.raises(DataError, match="not an HDF5 file"):
         open_recordings(text)
     with pytest.raises(DataError, match="not an HDF5 file"):
         native.back_to_back(text)

@@ -9,6 +9,7 @@ from sounder import shipped
 from sounder.antenna import Pattern
 from sounder.config import load
 from sounder.readers import native
+from sounder.summary import describe_back_to_back
 from sounder.touchstone import read_s21
 from sounder.twin import back_to_back
 from sounder.waveform import identify
@@ -34,6 +35,14 @@ def test_the_script_makes_the_same_numbers_again(tmp_path, b2b):
     # another build of the FFT may round one sample the other way
     assert np.abs(again.captures.astype(int) - b2b.captures).max() <= 4
     assert again.scale_factor == b2b.scale_factor
+    assert again.title == b2b.title
+
+
+def test_every_file_says_that_it_is_synthetic(b2b):
+    assert dict(describe_back_to_back(b2b))["title"] == b2b.title
+    assert b2b.title.startswith("SYNTHETIC ")
+    for name in ("horn-132ghz.csv", "attenuator-60db.s2p"):
+        assert "SYNTHETIC" in shipped.calibration(name).read_text().splitlines()[0]
 
 
 def test_back_to_back_is_of_this_sounder_through_this_attenuator(sounder, b2b):

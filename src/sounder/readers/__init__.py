@@ -7,6 +7,8 @@ Files that follow no known format are read by saying how they are laid out: :mod
 from importlib.metadata import entry_points
 from pathlib import Path
 
+from h5py import is_hdf5
+
 from erm.errors import DataError
 from sounder.config import Sounder
 from sounder.readers import native
@@ -41,4 +43,8 @@ def open_recordings(path: Path, sounder: Sounder | None = None) -> list[Recordin
             return found
     if (what := native.what_else(path)) is not None:
         raise DataError(f"{path}: is a {what}, not a recording")
+    if path.suffix != ".mat" and not is_hdf5(path):
+        raise DataError(
+            f"{path}: not an HDF5 file; expected a recording in HDF5, or in MATLAB's format with --layout FILE"
+        )
     raise DataError(f"{path}: not a recording of a known format; say how it is laid out with --layout FILE")

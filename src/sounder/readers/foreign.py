@@ -52,16 +52,27 @@ class ForeignFile:
         """Numbers written in the layout, or what it refers to, without axes of length 1."""
         if not isinstance(value, Reference):
             return np.asarray(value)
-        if value.dataset is not None:
-            name, found = value.dataset, np.asarray(self.node(value.dataset)[()])
-        else:
-            attributes = getattr(self.root if value.of is None else self.node(value.of), "attrs", {})
-            if value.attribute not in attributes:
-                raise DataError(f"{self.path}: no attribute {value.attribute}; the layout names it")
-            name, found = str(value.attribute), np.asarray(attributes[value.attribute])
+        name, found = self._referred(value)
         if found.dtype.kind not in "biuf":
             raise DataError(f"{self.path}: {label}: {name} holds no real numbers ({found.dtype})")
         return found.squeeze()
+
+    def text(self, reference: Reference, label: str) -> str:
+        """One piece of text that the layout refers to."""
+        name, found = self._referred(reference)
+        if found.size != 1 or found.dtype.kind not in "OSU":
+            raise DataError(f"{self.path}: {label}: {name} holds no text ({found.dtype})")
+        text = found.item()
+        return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
+
+    def _referred(self, value: Reference) -> tuple[str, NDArray[Any]]:
+        """What a reference names in messages, and what stands there."""
+        if value.dataset is not None:
+            return value.dataset, np.asarray(self.node(value.dataset)[()])
+        attributes = getattr(self.root if value.of is None else self.node(value.of), "attrs", {})
+        if value.attribute not in attributes:
+            raise DataError(f"{self.path}: no attribute {value.attribute}; the layout names it")
+        return str(value.attribute), np.asarray(attributes[value.attribute])
 
     def number(self, value: Any, label: str) -> float:
         """One finite number."""
@@ -125,7 +136,7 @@ def foreign_file(path: Path) -> Iterator[ForeignFile]:
     if path.suffix == ".mat" and path.is_file() and not h5py.is_hdf5(path):
         yield ForeignFile(path, _matlab(path))
     else:
-        with opened(path) as file:
+        with opened(path, "HDF5 as the layout tells, or MATLAB's format in a file named .mat") as file:
             yield ForeignFile(path, file)
 
 

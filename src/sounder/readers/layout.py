@@ -153,7 +153,9 @@ def _described(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
                     reference = Reference.model_validate(value)
                 except ValidationError as error:
                     raise DataError(f"{file.path}: the layout's [sounder]: {key}: {describe(error)}") from None
-                result[key] = file.numbers(reference, f"sounder: {key}").tolist()
+                label = f"sounder: {key}"
+                named = key == "name"
+                result[key] = file.text(reference, label) if named else file.numbers(reference, label).tolist()
             elif isinstance(value, dict):
                 result[key] = merged(result.get(key) or {}, value)
             else:

@@ -27,8 +27,8 @@ def kind_of(path: Path) -> str | None:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading.
+def opened(path: Path, expected: str = "a file of this software") -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading; ``expected`` tells in errors what it should have been.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     if not h5py.is_hdf5(path):
-        raise DataError(f"{path}: not an HDF5 file; expected a recording, or another format with --layout")
+        raise DataError(f"{path}: not an HDF5 file; expected {expected}")
     try:
         file = h5py.File(path, "r")
     except OSError as error:
@@ -189,7 +189,7 @@ def back_to_back(path: Path) -> BackToBack:
     DataError
         The file is missing or is not a back-to-back recording.
     """
-    with opened(path) as file:
+    with opened(path, "a back-to-back recording") as file:
         if file.attrs.get("kind") != BACK_TO_BACK:
             raise DataError(
                 f"{path}: not a back-to-back recording; make one with the attenuator in the antennas' place"
@@ -209,6 +209,7 @@ def back_to_back(path: Path) -> BackToBack:
             attenuation=attenuation,
             s21=_attenuator(file, path) if "attenuator_s21" in file else None,
             includes_tx_antenna=bool(file.attrs.get("includes_tx_antenna", 0)),
+            title=str(file.attrs.get("title", BackToBack.title)),
         )
 
 
@@ -292,7 +293,7 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
 def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: Iterable[Path] = ()) -> None:
     """Write a back-to-back recording as a native file, whole or not at all."""
     with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs.update(provenance("Back-to-back captures", history, inputs=inputs))
+        file.attrs.update(provenance(b2b.title, history, inputs=inputs))
         file.attrs["kind"] = BACK_TO_BACK
         file.attrs["sounder"] = b2b.sounder.model_dump_json()
         file.attrs["attenuation"] = b2b.attenuation

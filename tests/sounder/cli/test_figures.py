@@ -1,0 +1,23 @@
+"""`sounder figures`: a picture of every product, and of two together."""
+
+import pytest
+
+from .commands import names, run
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_figures_of_every_product_and_of_two_together(products, tmp_path, suffix):
+    both = products / "RX1.h5", products / "RX2.h5"
+    assert run("figures", *both, "--overlay", "--out", tmp_path, "--format", suffix) == 0
+    kinds = ("daps", "daps_polar", "pdp")
+    expected = {f"RX{i}_{kind}.{suffix}" for i in (1, 2) for kind in kinds} | {f"RX1_RX2_daps_polar.{suffix}"}
+    assert set(names(tmp_path)) == expected
+    assert all(path.stat().st_size > 5000 for path in tmp_path.iterdir())
+
+
+def test_figures_name_what_is_no_product_and_draw_the_rest(campaign, products, tmp_path, capsys):
+    assert run("figures", campaign / "raw" / "RX1.h5", products / "RX1.h5", "--out", tmp_path) == 1
+    error = capsys.readouterr().err
+    assert str(campaign / "raw" / "RX1.h5") in error
+    assert error.count("\n") == 1
+    assert len(names(tmp_path)) == 3

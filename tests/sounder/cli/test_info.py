@@ -1,0 +1,80 @@
+"""`sounder info`: what a file holds, and its health."""
+
+import h5py
+import numpy as np
+from scipy.constants import c
+
+from .commands import facts, group, run
+
+
+def test_info_tells_of_a_recording(campaign, capsys):
+    assert run("info", campaign / "raw" / "RX1.h5") == 0
+    told = facts(capsys)
+    assert told["kind"] == "raw recording"
+    assert told["position"] == "RX1"
+    assert told["line of sight"] == "yes"
+    assert told["sounder"] == "small sounder, 132 GHz"
+    assert told["waveform"] == "order 7, 254 samples at 1.2 GS/s, 211.67 ns"
+    assert told["directions"] == "12 azimuths x 2 elevations"
+    assert told["RX position"] == "12.00, 3.00, 1.50 m"
+    assert told["health"] == "no direction missing, none zero, none clipped"
+    # 10 dBm + 20 dBi + 15 dBi, the horn up to 15 degrees off (3 dB at most), 8.4 m of free space; the walls add little
+    direct = 45 + 20 * np.log10(c / 132e9 / (4 * np.pi * np.sqrt(8**2 + 2**2 + 1.5**2)))
+    highest = float(told["received power"].split(" to ")[1].split(" dBm")[0])
+    assert direct - 6 < highest < direct + 1
+
+
+def test_info_tells_of_back_to_back_and_product(campaign, products, capsys):
+    assert run("info", campaign / "back-to-back.h5") == 0
+    told = facts(capsys)
+    assert told["kind"] == "back-to-back recording"
+    assert told["attenuation"] == "60 dB (nominal)"
+    assert told["sequence found"].startswith("order 7, polynomial [7, 1, 0] forward, ")
+    assert run("info", products / "RX2.h5") == 0
+    told = facts(capsys)
+    assert told["kind"] == "product of sounder process"
+    assert int(told["MPCs"]) == group(products / "RX2.h5", "/mpc").sizes["mpc"]
+    assert "0 directions missing" in told["health"]
+
+
+def test_info_tells_of_a_foreign_file(campaign, joined, capsys):
+    assert run("info", joined, "--layout", joined.with_name("layout.toml"), "--sounder", campaign / "sounder.toml") == 0
+    out = capsys.readouterr().out
+    assert out.count("raw recording") == 2
+    assert out.count("sounder\tsmall sounder, 132 GHz") == 3
+    assert out.count("back-to-back recording") == 1
+
+
+def test_the_shipped_sounder_does_not_give_its_name_to_another(joined, capsys):
+    layout = ("--layout", joined.with_name("layout.toml"))
+    for command in (
+        ("info", joined),
+        ("process", joined, "--out", joined.parent),
+        ("convert", joined, "--out", joined.parent / "x"),
+    ):
+        assert run(*command, *layout) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"{joined}: 254 samples a capture, but sounder of layout.toml describes 1022 ")
+        assert line.endswith(" (all 2 positions of foreign.h5)")
+
+
+def test_many_positions_are_a_line_each_unless_all_is_asked_for(campaign, joined, capsys):
+    with h5py.File(joined, "r+") as file:
+        for name in ("iq", "agc_gain", "tx_position", "rx_position"):
+            attributes, twice = dict(file[name].attrs), np.concatenate([file[name][()]] * 2)
+            del file[name]
+            file[name] = twice
+            file[name].attrs.update(attributes)
+        file["rx_position"][3] = 14, -1e-4, 1.5
+    command = ("info", joined, "--layout", joined.with_name("layout.toml"), "--sounder", campaign / "sounder.toml")
+    assert run(*command) == 0
+    out = capsys.readouterr().out
+    common, _, positions = out.partition("\nposition\t")
+    assert "TX position\t4.00, 5.00, 3.00 m\n" in common
+    assert common.endswith("\npositions\t4")
+    header, *rows = positions.splitlines()[:5]  # the name stands first
+    assert header.split("\t") == ["RX position", "received power"]
+    assert [row.split("\t")[0] for row in rows] == ["P0", "P1", "P2", "P3"]
+    assert rows[3].split("\t")[1] == "14.00, 0.00, 1.50 m"  # a tenth of a millimetre south is no minus
+    assert run(*command, "--each") == 0
+    assert capsys.readouterr().out.count("raw recording") == 4

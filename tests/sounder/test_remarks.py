@@ -1,0 +1,35 @@
+"""What is said of a position follows from what physics allows."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.constants import c
+
+from sounder import twin
+from sounder.remarks import failures
+
+LENGTH = 30.0
+
+
+@pytest.mark.parametrize(
+    ("excess", "std", "told"),
+    [
+        ([-6.0, 0.0], [0.1, 0.1], False),
+        ([-6.0, 2.9], [0.1, 0.0], False),
+        ([-6.0, 3.3], [0.1, 0.1], True),
+        ([5.5, -6.0], [0.5, 0.1], True),
+        ([5.5, -6.0], [2.0, 0.1], False),  # beyond the fan, where the gain hangs on the elevation
+        ([3.3, -6.0], [np.nan, 0.1], True),
+        ([], [], False),
+    ],
+)
+def test_a_gain_surely_over_free_space_is_a_failure(description, excess, std, told):
+    sounder = description()
+    nothing = xr.Dataset({name: ("path", np.empty(0)) for name in ("delay", "azimuth", "elevation", "coefficient")})
+    recording = twin.record(nothing, sounder, name="P", tx_position=(0, 0, 1), rx_position=(LENGTH, 0, 1), snapshots=1)
+    free_space = 20 * np.log10(c / sounder.carrier.frequency / (4 * np.pi * LENGTH))
+    columns = {"delay": np.full(len(std), LENGTH / c), "path_gain": free_space + np.array(excess), "path_gain_std": std}
+    mpc = xr.Dataset({name: ("mpc", np.array(values, float)) for name, values in columns.items()})
+    lines = failures(recording, {"/mpc": mpc}, [])
+    assert len(lines) == told
+    assert all(f"free space over 30.0 m allows {free_space:.1f} dB" in line for line in lines)
