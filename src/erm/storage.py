@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import glob
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -54,6 +55,13 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         if isinstance(error, OSError):
             raise DataError(f"{target}: cannot be written ({error.strerror or error}); is the disk full?") from error
         raise
+
+
+def clear_leftovers(target: Path) -> None:
+    """Remove what a process that was killed while it wrote ``target`` left beside it; nobody may be writing it now."""
+    for leftover in target.parent.glob(f".{glob.escape(target.name)}.*.part{target.suffix}"):
+        with suppress(OSError):
+            leftover.unlink()
 
 
 def sha256(path: Path | str) -> str:
