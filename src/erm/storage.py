@@ -1,8 +1,8 @@
 """Products on disk: written whole or not at all, with where they came from."""
 
+import glob
 import hashlib
 import json
-import glob
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
