@@ -46,11 +46,17 @@ Beams = npt.NDArray[np.complex64]
     ENERGY,
     LOWER,
     UPPER,
-) = range(13)
+    ELEVATION_SPREAD,
+    AMPLITUDE_SPREAD,
+) = range(15)
 """Columns of the result; the last are the power that the fit left around the peak, the beam it was found in, the
 pattern's amplitude from that beam toward it, its squares summed over the beams of the fit, and the elevations between
-which it was fitted."""
-COLUMNS = 13
+which it was fitted, and how far other directions lie that the beams do not exclude."""
+COLUMNS = 15
+STARTS = 10
+"""Directions that an angle fit at the edge of the fan starts from."""
+PLAUSIBLE = 9.0
+"""Squared residuals, in variances, by which another direction may fit worse without being excluded: 3 deviations."""
 NEAR = 9
 """Beams of a fit: the one it was found in and those around it."""
 CLEARLY = 0.25
@@ -77,6 +83,7 @@ class Work(NamedTuple):
     fit: Real
     direction: Real
     slopes: Real
+    tried: Real
 
 
 def work_of(view: View) -> Work:
@@ -87,7 +94,7 @@ def work_of(view: View) -> Work:
         np.empty(matched, complex),
         np.empty(matched, complex),
         np.empty(NEAR + 1, np.int64),
-        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, 6, 4, 2)),
+        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, 6, 4, 2, (STARTS, 3))),
     )
 
 
@@ -107,7 +114,7 @@ def fit(beams: Beams, view: View, work: Work, row: Real, anew: bool) -> None:
         delay = _climb(beams, view, work, delay, 0.5)
         _neighbours(b, view, work)
         _measure(beams, view, work, delay)
-        _search_angles(b, view, work)
+        _search_angles(b, view, work, row)
     else:
         _neighbours(b, view, work)
         angles[beam_fit.AZIMUTH], angles[beam_fit.ELEVATION] = row[AZIMUTH], row[ELEVATION]
@@ -118,6 +125,8 @@ def fit(beams: Beams, view: View, work: Work, row: Real, anew: bool) -> None:
     fit_angles(view, work.magnitude, work.near, _variance(view, b), work.bounds, work.free, SETTLE, angles)
     for column in range(6):
         row[AZIMUTH + column] = angles[column]
+    row[ELEVATION_STD] = math.hypot(row[ELEVATION_STD], row[ELEVATION_SPREAD])
+    row[AMPLITUDE_STD] = math.hypot(row[AMPLITUDE_STD], row[AMPLITUDE_SPREAD])
     row[DELAY], row[LOWER], row[UPPER] = delay, work.bounds[2], work.bounds[3]
     row[ENERGY] = _weigh(view, work)
     row[OFF_BORESIGHT] = pattern(view, work.direction, b, work.slopes)
@@ -235,23 +244,24 @@ def _measure(beams: Beams, view: View, work: Work, delay: float) -> None:
 
 
 @part
-def _search_angles(b: int, view: View, work: Work) -> None:
+def _search_angles(b: int, view: View, work: Work, row: Real) -> None:
     """Fit the angles; at the edge of the fan from several directions. ``work.bounds`` are those of the best fit.
 
     Beyond the edge the pattern's floor makes further minima: start from several angles, the beam's own first, and that
     one kept within half its power. One further out must fit clearly and surely better: neither interference nor noise
-    must turn a weak path into a strong one out there.
+    must turn a weak path into a strong one out there. What is not excluded by three deviations is an error of the
+    result, and how far it lies is kept in ``row``.
     """
     azimuth, elevation = view.beam[b, LOOK_AZIMUTH], view.beam[b, LOOK_ELEVATION]
     lowest, highest, reach = view.limits[LOWEST], view.limits[HIGHEST], view.limits[REACH]
     row_of_scan = b % view.grid[N_ELEVATIONS]
     top = row_of_scan == view.grid[N_ELEVATIONS] - 1
     outward = 1.0 if top else -1.0
-    starts = 10 if work.free[1] > 0.0 and (top or row_of_scan == 0) else 1
+    starts = STARTS if work.free[1] > 0.0 and (top or row_of_scan == 0) else 1
     edge = elevation + 0.5 * outward * view.limits[BEAMWIDTH]
     best = inside = math.inf
     first = elevation
-    a0, a1, low, high = azimuth, elevation, lowest, highest
+    a0, a1, low, high, amplitude = azimuth, elevation, lowest, highest, 0.0
     angles = work.fit
     for start in range(starts):
         tilt, turn = (start + 2) // 3, start % 3 - 1 if start else 0
@@ -263,6 +273,7 @@ def _search_angles(b: int, view: View, work: Work) -> None:
         upper = edge if within_fan and outward > 0 else highest
         _bound(b, view, work, lower, upper)
         cost = fit_angles(view, work.magnitude, work.near, _variance(view, b), work.bounds, work.free, EXPLORE, angles)
+        work.tried[start, 0], work.tried[start, 1], work.tried[start, 2] = angles[1], angles[2], cost
         aim(angles[0], angles[1], work.direction)
         seen = pattern(view, work.direction, b, work.slopes)
         surely = cost < inside - SURELY * view.beam[b, NOISE] / seen
@@ -275,10 +286,23 @@ def _search_angles(b: int, view: View, work: Work) -> None:
         if start == 0:
             first = angles[1]
         if accepted and cost < best:
-            best = cost
+            best, amplitude = cost, angles[2]
             a0, a1, low, high = angles[0], angles[1], lower, upper
     angles[0], angles[1] = a0, a1
     _bound(b, view, work, low, high)
+    left = -2.0
+    for i in range(NEAR):
+        if work.near[i] < 0:
+            break
+        left += 1.0
+    variance = _variance(view, b)
+    if left > 1.0 and best / (left - 1.0) > variance:
+        variance = best / (left - 1.0)
+    row[ELEVATION_SPREAD] = row[AMPLITUDE_SPREAD] = 0.0
+    for start in range(starts):
+        if work.tried[start, 2] < best + PLAUSIBLE * variance:
+            row[ELEVATION_SPREAD] = max(row[ELEVATION_SPREAD], abs(work.tried[start, 0] - a1))
+            row[AMPLITUDE_SPREAD] = max(row[AMPLITUDE_SPREAD], abs(work.tried[start, 1] - amplitude))
 
 
 @part
