@@ -57,6 +57,13 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         raise
 
 
+def clear_leftovers(target: Path) -> None:
+    """Remove what a process that was killed while it wrote ``target`` left beside it; nobody may be writing it now."""
+    for leftover in target.parent.glob(f".{glob.escape(target.name)}.*.part{target.suffix}"):
+        with suppress(OSError):
+            leftover.unlink()
+
+
 def sha256(path: Path | str) -> str:
     """SHA-256 of a file, hexadecimal; a file of many positions is read once."""
     facts = os.stat(path)

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from erm.errors import DataError
+from erm.storage import clear_leftovers
 from sounder.intake import Job, Source, reopen
 from sounder.kernels.directions import processors
 from sounder.position import Filters, Options, Outcome, process_position
@@ -83,6 +84,7 @@ def run(
         for (_, target), future in zip(pairs, futures, strict=True):
             part: Outcome = future.result()
             part.products = [target for _ in part.products]
+            clear_leftovers(target)  # of workers that were lost
             yield part
 
 
