@@ -51,8 +51,9 @@ def extract(
 
     Standard deviations are those of the least-squares fits, with the larger of the noise power and the fit's own
     residual as variance; for the delay ``std = sqrt(P V / sum_b a_b^2)`` with the path's amplitude ``a_b`` in a beam,
-    ``P`` the noise power or what the fit left around the path, and ``V`` of :class:`sounder.matched.Matched`. On one
-    path alone they are 1.03 to 1.12 times the Cramer-Rao bound.
+    ``P`` the noise power or what the fit left around the path, and ``V`` of :class:`sounder.matched.Matched`. Those of
+    elevation and gain reach, besides, to directions outside the fan that the beams do not exclude. Errors of one path
+    alone are up to 1.14 times the Cramer-Rao bound.
 
     Parameters
     ----------
@@ -140,7 +141,7 @@ def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
     """Tell the paths whose direction the main lobe has seen.
 
     A path far above or below the fan is seen through the sidelobes, alike by all beams; its delay is right, its angle
-    is not known; ``complete`` is 0 if more paths exceed the threshold than a table holds.
+    is not known.
     """
     if not pattern.directive:
         return np.ones(len(found), bool)

@@ -105,4 +105,4 @@ def test_missing_standard_errors_are_filled_in_and_known_ones_kept():
 
 def test_an_unknown_threshold_is_named():
     with pytest.raises(DataError, match="fixed, letter"):
-        select(table([(120, 60, 6)]), threshold="best")  # type: ignore[arg-type]
+        select(table([(120, 60, 6)]), threshold="best")  # type: ignore[arg-type] # what is tested

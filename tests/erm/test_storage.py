@@ -58,9 +58,9 @@ def test_a_file_is_on_disk_before_it_has_its_name(tmp_path, monkeypatch):
 
 def test_a_folder_that_cannot_be_is_told(tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(DataError, match=r"file.x\.txt: cannot be written \(.*\); choose a writable folder"):  # noqa: SIM117
-        with atomic_path(tmp_path / "file" / "x.txt"):
-            pass
+    told = pytest.raises(DataError, match=r"file.x\.txt: cannot be written \(.*\); choose a writable folder")
+    with told, atomic_path(tmp_path / "file" / "x.txt"):
+        pass
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")

@@ -121,7 +121,7 @@ def test_a_scan_names_no_direction_twice():
 
 def test_a_description_cannot_be_changed():
     with pytest.raises(ValueError, match="frozen"):
-        load(SHIPPED).waveform.order = 10  # type: ignore[misc]
+        load(SHIPPED).waveform.order = 10  # type: ignore[misc] # what is tested
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,7 @@ def rows_of_shape(kind: str, points: list[list[float]], properties: Mapping[str,
     """Rows of the reflectors one shape stands for: a Point is a pole, each piece of a LineString a wall."""
     row = dict(properties)
     if kind == "Point":
+        # A Point's coordinates are numbers where a LineString's are lists, which the type cannot tell apart.
         points = [points, points] if np.isscalar(points[0]) else [*points, *points]  # type: ignore[list-item]
         row.setdefault("kind", "pole")
     elif kind != "LineString" or len(points) < 2:

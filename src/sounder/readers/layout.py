@@ -135,6 +135,7 @@ def _each_direction(
         split = ["elevation", "azimuth"] if block.slowest == "elevation" else ["azimuth", "elevation"]
         lengths = [directions[0] if axis == "azimuth" else directions[1] for axis in split]
         found = found.reshape([*full[:at], *lengths, *full[at + 1 :]])
+        # `axes` is a list of literals, and `split` holds two of these, which the type checker sees as any text.
         axes[at : at + 1] = split  # type: ignore[assignment]
     wanted = ("position", "azimuth", "elevation")
     found = found.transpose([axes.index(axis) for axis in wanted if axis in axes])
