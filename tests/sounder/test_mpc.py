@@ -169,6 +169,16 @@ def test_just_above_the_fan_the_azimuth_still_holds(bench):
         assert abs(row["path_gain"] - path[0]) < 4 * row["path_gain_std"], (seed, path)
 
 
+def test_beyond_the_fan_the_errors_reach_to_the_truth(bench):
+    """2 to 10 degree over the uppermost beam several elevations fit: the errors must cover all of them."""
+    rng = np.random.default_rng(21)
+    for seed in range(30):
+        path = -100.0, rng.uniform(30e-9, 840e-9), rng.uniform(0, 360), rng.choice([-1, 1]) * rng.uniform(11, 19)
+        row = near(mpcs(bench, [path], noise=-100 + HORN - 40, seed=seed), path, wide=5.0).isel(mpc=0)
+        assert abs(row["elevation"] - path[3]) < 4 * row["elevation_std"], (seed, path)
+        assert abs(row["path_gain"] - path[0]) < 4 * row["path_gain_std"], (seed, path)
+
+
 def test_noise_alone_makes_almost_no_paths(bench):
     # exp(-10^1.2) of the samples exceed noise + 12 dB: 1.3e-7, of 20 * 108 * 1022 samples 0.29. Three or more would
     # come once in 300 such experiments.
