@@ -11,7 +11,7 @@ from sounder.antenna import Pattern
 from sounder.calibration import Deembedding
 from sounder.config import Sounder
 from sounder.daps import noise_power
-from sounder.kernels import path
+from sounder.kernels import component
 from sounder.kernels.cancel import Limits, cancel, search_of
 from sounder.kernels.view import View, beams_of, table_of
 from sounder.matched import OVER, Matched
@@ -95,12 +95,12 @@ def extract(
         leftover=np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0]),
         margin=MARGIN,
     )
-    work = path.work_of(view)
-    found = np.zeros((CAPACITY, path.COLUMNS))
+    work = component.work_of(view)
+    found = np.zeros((CAPACITY, component.COLUMNS))
     taken = np.zeros((CAPACITY, len(beams)), np.complex64)
     count, complete = cancel(beams, view, limits, PASSES, work, search_of(beams, work), found, taken)
-    found = found[:count][np.argsort(-found[:count, path.AMPLITUDE])]
-    located = _located(found, pattern) & ~(found[:, path.AZIMUTH_STD] > width_azimuth / 2)
+    found = found[:count][np.argsort(-found[:count, component.AMPLITUDE])]
+    located = _located(found, pattern) & ~(found[:, component.AZIMUTH_STD] > width_azimuth / 2)
     table = _table(found[located], noise, matched, filter_.sample_rate, sounder, distance, fans=elevation.size > 1)
     return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()), complete=int(complete))
 
@@ -146,7 +146,7 @@ def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
     if not pattern.directive:
         return np.ones(len(found), bool)
     least = 10 ** ((pattern.sidelobe_level + LOCATED) / 20)
-    located: NDArray[np.bool_] = found[:, path.OFF_BORESIGHT] > least
+    located: NDArray[np.bool_] = found[:, component.OFF_BORESIGHT] > least
     return located
 
 
@@ -170,18 +170,18 @@ def _table(
     *,
     fans: bool,
 ) -> xr.Dataset:
-    delay = found[:, path.DELAY] / sample_rate
+    delay = found[:, component.DELAY] / sample_rate
     period = sounder.waveform.period
     earliest = distance / c - DIRECT_GUARD
     delay = earliest + (delay - earliest) % period
-    amplitude = found[:, path.AMPLITUDE]
-    energy = amplitude**2 * found[:, path.ENERGY]
-    around = np.maximum(noise[found[:, path.BEAM].astype(int)], found[:, path.LEFT_OVER])
+    amplitude = found[:, component.AMPLITUDE]
+    energy = amplitude**2 * found[:, component.ENERGY]
+    around = np.maximum(noise[found[:, component.BEAM].astype(int)], found[:, component.LEFT_OVER])
     columns = {
         "delay": (delay, "s", "propagation delay"),
-        "azimuth": (found[:, path.AZIMUTH] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
+        "azimuth": (found[:, component.AZIMUTH] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
         "elevation": (
-            found[:, path.ELEVATION] if fans else np.full(len(found), np.nan),
+            found[:, component.ELEVATION] if fans else np.full(len(found), np.nan),
             "degree",
             "elevation of arrival above the horizon",
         ),
@@ -195,10 +195,10 @@ def _table(
             "s",
             "standard deviation of delay",
         ),
-        "azimuth_std": (found[:, path.AZIMUTH_STD], "degree", "standard deviation of azimuth"),
-        "elevation_std": (found[:, path.ELEVATION_STD], "degree", "standard deviation of elevation"),
+        "azimuth_std": (found[:, component.AZIMUTH_STD], "degree", "standard deviation of azimuth"),
+        "elevation_std": (found[:, component.ELEVATION_STD], "degree", "standard deviation of elevation"),
         "path_gain_std": (
-            20 / np.log(10) * found[:, path.AMPLITUDE_STD] / amplitude,
+            20 / np.log(10) * found[:, component.AMPLITUDE_STD] / amplitude,
             "dB",
             "standard deviation of path gain",
         ),

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.compile import jit, part
-from sounder.kernels.path import (
+from sounder.kernels.component import (
     AMPLITUDE,
     AZIMUTH,
     BEAM,
@@ -25,10 +25,8 @@ from sounder.kernels.path import (
     Beams,
     Real,
     Work,
-    fit,
-    fit_again,
-    take,
 )
+from sounder.kernels.path import fit, fit_again, take
 from sounder.kernels.pulse import nearest, power_around, sample
 from sounder.kernels.view import OVER, REACH, View, aim, pattern
 

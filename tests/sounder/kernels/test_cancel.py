@@ -5,7 +5,7 @@ import pytest
 
 from sounder.antenna import Pattern
 from sounder.config import Antenna
-from sounder.kernels import path
+from sounder.kernels import component
 from sounder.kernels.cancel import Limits, cancel, search_of
 
 SIZE = 300
@@ -40,8 +40,8 @@ def run(make_view):
             leftover=np.array([0.1, 2.0, 10**-1.5]),
             margin=2.0,
         )
-        work = path.work_of(view)
-        found, taken = np.zeros((capacity, path.COLUMNS)), np.zeros((capacity, len(LOOKS)), np.complex64)
+        work = component.work_of(view)
+        found, taken = np.zeros((capacity, component.COLUMNS)), np.zeros((capacity, len(LOOKS)), np.complex64)
         count, complete = cancel(left, view, limits, passes, work, search_of(left, work), found, taken)
         return found[:count], left, complete
 
@@ -58,8 +58,8 @@ def test_paths_are_found_and_nothing_is_left(run, beams_of):
     found, left, complete = run(beams_of(paths, rng) + noise_of(rng))
     assert complete
     assert len(found) == 3
-    order = np.argsort(-found[:, path.AMPLITUDE])
-    columns = [path.AMPLITUDE, path.DELAY, path.AZIMUTH, path.ELEVATION]
+    order = np.argsort(-found[:, component.AMPLITUDE])
+    columns = [component.AMPLITUDE, component.DELAY, component.AZIMUTH, component.ELEVATION]
     expected = np.array(paths)
     got = found[order][:, columns]
     got[:, 2] = expected[:, 2] + (got[:, 2] - expected[:, 2] + 180) % 360 - 180
@@ -76,7 +76,7 @@ def test_missing_beams_are_passed_over(run, beams_of):
     beams[60:] = np.nan
     found, left, _ = run(beams)
     assert len(found) == 1
-    assert found[0, path.AZIMUTH] == pytest.approx(3.0, abs=0.01)
+    assert found[0, component.AZIMUTH] == pytest.approx(3.0, abs=0.01)
     assert np.isfinite(left[:60]).all()
     assert np.isnan(left[60:]).all()
 
@@ -107,8 +107,8 @@ def test_paths_within_each_others_pulse_are_told_apart(run, beams_of, apart, tol
         paths = np.array([(1.0, delay, azimuth, 0.0), (0.6, delay + apart, azimuth + more, 0.0)])
         found, *_ = run(beams_of(paths, rng) + noise_of(rng, 1e-6), noise=1e-6)
         assert len(found) == 2, (delay, azimuth)
-        found = found[np.argsort(-found[:, path.AMPLITUDE])]
-        got = found[:, [path.AMPLITUDE, path.DELAY]]
+        found = found[np.argsort(-found[:, component.AMPLITUDE])]
+        got = found[:, [component.AMPLITUDE, component.DELAY]]
         # noise at -60 dB: 1e-3 / sqrt(2) of amplitude, divided by 0.8 rad a sample of delay, and by 0.6; four times.
         # The rest is what rounds of fitting leave of an overlap of 0.2 at 2.7 samples and under 0.1 from 3 on.
         np.testing.assert_allclose(got, paths[:, :2], atol=tolerance + 4e-3)

@@ -1,0 +1,67 @@
+"""What is kept of a path that was found, and the scratch that its fit needs."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from sounder.kernels.view import OVER, View
+
+Real = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Beams = npt.NDArray[np.complex64]
+
+(
+    DELAY,
+    AZIMUTH,
+    ELEVATION,
+    AMPLITUDE,
+    AZIMUTH_STD,
+    ELEVATION_STD,
+    AMPLITUDE_STD,
+    LEFT_OVER,
+    BEAM,
+    OFF_BORESIGHT,
+    ENERGY,
+    LOWER,
+    UPPER,
+    ELEVATION_SPREAD,
+    AMPLITUDE_SPREAD,
+) = range(15)
+"""Columns of the result; the last are the power that the fit left around the peak, the beam it was found in, the
+pattern's amplitude from that beam toward it, its squares summed over the beams of the fit, and the elevations between
+which it was fitted, and how far other directions lie that the beams do not exclude."""
+COLUMNS = 15
+STARTS = 10
+"""Directions that an angle fit at the edge of the fan starts from."""
+NEAR = 9
+"""Beams of a fit: the one it was found in and those around it."""
+
+
+class Work(NamedTuple):
+    """Scratch of a fit: taps of the pulse and of the matched filter, beams, their weights, angles, bounds."""
+
+    pulse: Complex
+    matched: Complex
+    inner: Complex
+    near: npt.NDArray[np.int64]
+    weight: Real
+    magnitude: Real
+    free: Real
+    bounds: Real
+    fit: Real
+    direction: Real
+    slopes: Real
+    tried: Real
+
+
+def work_of(view: View) -> Work:
+    """Allocate what fits with this view need."""
+    pulse, matched = (2 * (table.size // (2 * int(view.grid[OVER])) - 1) + 1 for table in (view.pulse, view.matched))
+    return Work(
+        np.empty(pulse, complex),
+        np.empty(matched, complex),
+        np.empty(matched, complex),
+        np.empty(NEAR + 1, np.int64),
+        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, 6, 4, 2, (STARTS, 3))),
+    )
