@@ -6,9 +6,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from sounder import shipped
+from sounder import shipped, writer
 from sounder.config import Sounder, load
-from sounder.readers import native
 from sounder.twin import back_to_back, record
 
 import xarray as xr  # isort: skip
@@ -36,7 +35,7 @@ def described() -> Sounder:
 def write_calibration(folder: Path) -> Path:
     """Write the back-to-back of the recordings."""
     target = folder / "back-to-back.h5"
-    native.write_back_to_back(back_to_back(described(), 60.0), target, history="benchmark")
+    writer.write_back_to_back(back_to_back(described(), 60.0), target, history="benchmark")
     return target
 
 
@@ -60,7 +59,7 @@ def write_recording(folder: Path, name: str, snapshots: int, distinct: int = 16,
         return np.take(blocks[a, e], np.arange(*wanted.indices(snapshots)) % len(blocks[a, e]), axis=0)
 
     target = folder / f"{name}.h5"
-    native.write_recording(replace(made, snapshots=snapshots, read=read), target, history="benchmark")
+    writer.write_recording(replace(made, snapshots=snapshots, read=read), target, history="benchmark")
     return target
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sounder.config import load
-from sounder.readers.native import write_back_to_back
 from sounder.touchstone import read_s21
 from sounder.twin import back_to_back
+from sounder.writer import write_back_to_back
 
 HPBW = {"azimuth": 10.0, "elevation": 9.0}
 PHASE_ERROR = np.radians(35.0)

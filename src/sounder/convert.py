@@ -6,7 +6,7 @@ from erm.errors import DataError
 from sounder.intake import open_file, refusals
 from sounder.pipeline import Targets
 from sounder.position import Outcome
-from sounder.readers import native
+from sounder.writer import write_back_to_back, write_recording
 
 
 def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: Path | None = None) -> Outcome:
@@ -44,7 +44,7 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
             outcome.failures.append(str(error))
             continue
         try:
-            native.write_recording(recording, target, history="sounder convert")
+            write_recording(recording, target, history="sounder convert")
         except DataError as error:
             outcome.failures.append(str(error))
             targets.release(target)
@@ -52,5 +52,5 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
             outcome.products.append(target)
     if b2b is not None:
         target = targets.reserve("back-to-back", f"{path}: the back-to-back recording")
-        native.write_back_to_back(b2b, target, history="sounder convert", inputs=[path])
+        write_back_to_back(b2b, target, history="sounder convert", inputs=[path])
     return outcome

@@ -12,11 +12,11 @@ from erm.materials import Material
 from erm.storage import provenance, write_product
 from erm.trace import trace
 from sounder import shipped
-from sounder.readers.native import write_back_to_back, write_recording
 from sounder.recording import BackToBack, Recording
 from sounder.scene import Receiver, Scene
 from sounder.touchstone import read_s21
 from sounder.twin import back_to_back, record
+from sounder.writer import write_back_to_back, write_recording
 
 
 def environment_of(scene: Scene) -> Environment:

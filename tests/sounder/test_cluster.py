@@ -13,7 +13,7 @@ from sounder import twin
 from sounder.intake import gather
 from sounder.pipeline import process
 from sounder.position import Options
-from sounder.readers import native
+from sounder.writer import write_back_to_back, write_recording
 
 distributed = pytest.importorskip("distributed")
 
@@ -28,14 +28,14 @@ def jobs(description, tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign")
     scan = {"azimuth": [0.0, 60.0, 120.0, 180.0, 240.0, 300.0], "elevation": [0.0]}
     sounder = description(waveform=WAVEFORM, scan=scan, rx_antenna=HORN)
-    native.write_back_to_back(twin.back_to_back(sounder, 60.0), folder / "b2b.h5", history="test")
+    write_back_to_back(twin.back_to_back(sounder, 60.0), folder / "b2b.h5", history="test")
     columns = {"delay": [50e-9], "azimuth": [70.0], "elevation": [0.0], "coefficient": [1e-6 + 0j]}
     paths = xr.Dataset({name: ("path", values) for name, values in columns.items()})
     files = [folder / f"P{i}.h5" for i in range(9)]
     for i, file in enumerate(files):
         places = {"tx_position": (0, 0, 1), "rx_position": (3 + i, 4, 1)}
         made = twin.record(paths, sounder, name=file.stem, snapshots=300, seed=i, **places)
-        native.write_recording(made, file, history="test")
+        write_recording(made, file, history="test")
     with h5py.File(files[4], "r+") as file:
         file["iq"][...] = np.int16(0)
     found, failures = gather(files, calibration=folder / "b2b.h5")

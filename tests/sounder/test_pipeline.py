@@ -15,7 +15,7 @@ from sounder import position, twin
 from sounder.intake import Job, Source, gather
 from sounder.pipeline import process
 from sounder.position import Options
-from sounder.readers import native
+from sounder.writer import write_back_to_back, write_recording
 
 WAVEFORM = {"order": 7, "polynomial": [7, 1, 0], "chip_rate": 6e8, "samples_per_chip": 2, "sample_rate": 1.2e9}
 HORN = {"pattern": "gaussian", "cut": None, "hpbw_azimuth": 60.0, "hpbw_elevation": 60.0}
@@ -37,13 +37,13 @@ def jobs(sounder, tmp_path):
     """Jobs of recordings named as asked, each read from a file; ``count`` paths in each."""
 
     def make(*names: str, count: int = 1) -> list[Job]:
-        native.write_back_to_back(twin.back_to_back(sounder, 60.0), tmp_path / "b2b.h5", history="test")
+        write_back_to_back(twin.back_to_back(sounder, 60.0), tmp_path / "b2b.h5", history="test")
         files = []
         for i, name in enumerate(names):
             places = {"tx_position": (0, 0, 1), "rx_position": (3 + i, 4, 1)}
             made = twin.record(paths(count), sounder, name=name, snapshots=2, **places)
             files.append(tmp_path / f"{i}.h5")
-            native.write_recording(made, files[-1], history="test")
+            write_recording(made, files[-1], history="test")
         found, failures = gather(files, calibration=tmp_path / "b2b.h5")
         assert failures == []
         return found
@@ -74,7 +74,7 @@ def test_damage_met_while_reading_costs_its_position_alone(jobs, tmp_path):
 def test_what_fails_alike_in_many_positions_is_told_once(jobs, tmp_path, description, workers):
     batch = jobs("A", "B", "C")
     other = description(waveform={**WAVEFORM, "polynomial": [7, 3, 0]}, rx_antenna=HORN)
-    native.write_back_to_back(twin.back_to_back(other, 60.0), tmp_path / "b2b.h5", history="test")
+    write_back_to_back(twin.back_to_back(other, 60.0), tmp_path / "b2b.h5", history="test")
     batch = gather([job.recording.source for job in batch], calibration=tmp_path / "b2b.h5")[0]
     (failure,) = process(batch, tmp_path / "out", workers=workers).failures
     assert failure.startswith(f"{tmp_path / 'b2b.h5'}: back-to-back of another sounder: ")

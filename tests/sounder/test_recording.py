@@ -13,6 +13,7 @@ from erm.errors import DataError
 from sounder import twin
 from sounder.readers import native, open_recordings
 from sounder.recording import Recording
+from sounder.writer import write_back_to_back, write_recording
 
 WAVEFORM = {"order": 7, "polynomial": [7, 1, 0], "chip_rate": 6e8, "samples_per_chip": 2, "sample_rate": 1.2e9}
 SCAN = {"azimuth": [0.0, 90.0, 200.0], "elevation": [-9.0, 9.0]}
@@ -41,7 +42,7 @@ def recording(sounder) -> Recording:
 
 @pytest.fixture
 def path(tmp_path: Path, recording: Recording) -> Path:
-    native.write_recording(recording, tmp_path / "p1.h5", history="test")
+    write_recording(recording, tmp_path / "p1.h5", history="test")
     return tmp_path / "p1.h5"
 
 
@@ -63,7 +64,7 @@ def test_a_recording_comes_back_bit_for_bit(path, recording):
 
 def test_the_same_recording_gives_the_same_bytes(path, recording):
     again = path.with_name("again.h5")
-    native.write_recording(recording, again, history="test")
+    write_recording(recording, again, history="test")
     assert again.read_bytes() == path.read_bytes()
 
 
@@ -258,7 +259,7 @@ def test_samples_that_cannot_be_read_cost_this_file_alone(path):
 @pytest.mark.parametrize("attenuator", [60.0, (np.linspace(131e9, 133e9, 5), np.linspace(1, 2, 5) * 1e-3j)])
 def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
     made = twin.back_to_back(sounder, attenuator, snapshots=2)
-    native.write_back_to_back(made, tmp_path / "b2b.h5", history="test")
+    write_back_to_back(made, tmp_path / "b2b.h5", history="test")
     back = native.back_to_back(tmp_path / "b2b.h5")
     assert np.array_equal(back.captures, made.captures)
     assert back.captures.dtype == np.int16
@@ -282,7 +283,7 @@ def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
 def test_a_back_to_back_that_does_not_fit_is_told(tmp_path, sounder, datasets, told):
     path = tmp_path / "b2b.h5"
     measured = np.linspace(131e9, 133e9, 5), np.ones(5) * 1e-3j
-    native.write_back_to_back(twin.back_to_back(sounder, measured, snapshots=2), path, history="test")
+    write_back_to_back(twin.back_to_back(sounder, measured, snapshots=2), path, history="test")
     edit(path, **datasets)
     with pytest.raises(DataError) as error:
         native.back_to_back(path)
@@ -291,7 +292,7 @@ def test_a_back_to_back_that_does_not_fit_is_told(tmp_path, sounder, datasets, t
 
 def test_a_back_to_back_without_its_loss_is_refused(tmp_path, sounder):
     path = tmp_path / "b2b.h5"
-    native.write_back_to_back(twin.back_to_back(sounder, 60.0, snapshots=2), path, history="test")
+    write_back_to_back(twin.back_to_back(sounder, 60.0, snapshots=2), path, history="test")
     with h5py.File(path, "r+") as file:
         del file.attrs["attenuation"]
     with pytest.raises(DataError, match="expected the loss of the attenuator in dB"):

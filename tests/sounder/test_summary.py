@@ -10,8 +10,8 @@ from erm.errors import DataError
 from erm.storage import write_product
 from sounder import twin
 from sounder.instrument import DCOffset, Faults
-from sounder.readers import native
 from sounder.summary import describe_back_to_back, describe_file, describe_recording
+from sounder.writer import write_recording
 
 WAVEFORM = {"order": 7, "polynomial": [7, 1, 0], "chip_rate": 6e8, "samples_per_chip": 2, "sample_rate": 1.2e9}
 
@@ -77,7 +77,7 @@ def test_back_to_back_tells_the_sequence_it_holds_not_the_described_one(descript
 
 
 def test_a_file_of_another_kind_is_told(tmp_path, sounder):
-    native.write_recording(recording(sounder), tmp_path / "raw.h5", history="test")
+    write_recording(recording(sounder), tmp_path / "raw.h5", history="test")
     assert ("position", "P") in describe_file(tmp_path / "raw.h5")
     write_product({"/": xr.Dataset({"x": ("y", [1.0])})}, tmp_path / "other.h5")
     with pytest.raises(DataError, match="not a recording of a known format"):

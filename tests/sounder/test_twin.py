@@ -23,6 +23,7 @@ from sounder.instrument import (
 from sounder.readers import native
 from sounder.twin import back_to_back, record, transfer_functions
 from sounder.waveform import band_limited_template
+from sounder.writer import write_recording
 
 SOUNDER = load(shipped.calibration("sounder-132ghz.toml"))
 FREQUENCY = np.fft.fftfreq(SOUNDER.waveform.samples, 1 / SOUNDER.waveform.sample_rate)
@@ -263,7 +264,7 @@ def test_switches_read_as_toml_writes_them():
 def test_native_file_holds_what_the_twin_made(tmp_path):
     recording = position(one_path(), snapshots=2, los=1, start=1.7e9)
     target = tmp_path / "RX1.h5"
-    native.write_recording(recording, target, history="test")
+    write_recording(recording, target, history="test")
     (read,) = native.recordings(target)
     assert np.array_equal(read.captures(5, 2), recording.captures(5, 2))
     assert np.array_equal(read.agc_gain, recording.agc_gain)

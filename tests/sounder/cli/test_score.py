@@ -1,0 +1,86 @@
+"""`sounder score` tells how well a simulated position was processed, from any form of the truth."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from erm.mpc_table import make_table, read_product, write_csv
+from erm.storage import open_group
+
+from .commands import run
+
+
+@pytest.fixture
+def processed(products):
+    return sorted(products.glob("*.h5"))
+
+
+def summary(capsys, *args):
+    capsys.readouterr()
+    code = run("score", *args, "--json")
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_simulated_paths_are_found(campaign, processed, capsys):
+    code, found = summary(capsys, *processed, "--truth", campaign / "truth" / "paths.h5")
+    assert code == 0
+    assert found["positions"] == 2
+    # direct path and four walls at each; far above the noise and the resolution of 2 ns and 15 degrees
+    assert found["paths"] == 10
+    assert found["detection"] == 1.0
+    assert found["errors"]["delay"]["rmse"] < 0.1e-9
+    assert found["errors"]["azimuth"]["rmse"] < 1.0
+    assert found["gates"]["elevation"] is None
+
+
+def test_truth_as_a_table_or_a_product_says_the_same(campaign, processed, capsys, tmp_path):
+    truth = open_group(campaign / "truth" / "paths.h5")
+    ends = {"tx_position": [4, 5, 3], "rx_position": [12, 3, 1.5], "frequency": 60e9}
+    first = truth.isel(path=np.flatnonzero(truth["position"].values == "RX1"))
+    names = ("position", "delay", "azimuth", "elevation", "path_gain")
+    write_csv(make_table(ends | {name: first[name].values for name in names}), tmp_path / "truth.csv")
+    direct = summary(capsys, processed[0], "--truth", campaign / "truth" / "paths.h5")
+    assert summary(capsys, processed[0], "--truth", tmp_path / "truth.csv") == direct
+
+    code, itself = summary(capsys, processed[0], "--truth", processed[0], "--dynamic-range", 200)
+    assert code == 0
+    assert itself["detection"] == 1.0
+    assert itself["errors"]["delay"]["rmse"] == 0.0
+
+
+def test_mpcs_of_others_are_scored_too(campaign, processed, capsys, tmp_path):
+    write_csv(read_product(processed[0])[0], tmp_path / "theirs.csv")
+    code, found = summary(capsys, tmp_path / "theirs.csv", "--truth", campaign / "truth" / "paths.h5")
+    assert code == 0
+    assert found["paths"] == 5
+
+
+def test_table_and_figures(campaign, processed, capsys, tmp_path):
+    truth = campaign / "truth" / "paths.h5"
+    assert run("score", *processed, "--truth", truth, "--out", tmp_path / "score") == 0
+    text = capsys.readouterr().out
+    assert "10 of 10 paths found" in text
+    assert "delay [s]" in text
+    lines = (tmp_path / "score" / "paths.csv").read_text().splitlines()
+    assert lines[0].startswith("position,delay,azimuth,elevation,path_gain,snr,required,separation,match,delay_error")
+    assert len(lines) == 1 + open_group(truth).sizes["path"]
+    for name in ("against_snr.png", "against_separation.png"):
+        with Image.open(tmp_path / "score" / name) as picture:
+            assert picture.size[0] > 1000
+
+
+def test_what_cannot_be_scored_is_named_and_the_rest_is(campaign, processed, capsys, tmp_path):
+    truth = campaign / "truth" / "paths.h5"
+    other = tmp_path / "other.csv"
+    ends = {"tx_position": [4, 5, 3], "rx_position": [12, 3, 1.5], "frequency": 60e9}
+    write_csv(make_table({"position": "P99", "delay": [40e-9], "azimuth": [1.0], "path_gain": [-90.0], **ends}), other)
+    assert run("score", processed[0], other, tmp_path / "none.h5", "--truth", truth) == 1
+    told = capsys.readouterr()
+    assert "5 of 5 paths found" in told.out
+    assert "P99 is not in" in told.err
+    assert "none.h5: no such file" in told.err
+    assert run("score", processed[0], "--truth", tmp_path / "none.h5") == 1
+    assert run("score", processed[0], "--truth", campaign / "back-to-back.h5") == 1
+    assert "Traceback" not in capsys.readouterr().err
