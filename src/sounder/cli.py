@@ -47,6 +47,14 @@ class Threshold(StrEnum):
     nyu = "nyu"
 
 
+class Method(StrEnum):
+    """How MPCs that overlap are told apart."""
+
+    sage = "sage"
+    clean = "clean"
+    peaks = "peaks"
+
+
 class Omnidirectional(StrEnum):
     """Making of the omnidirectional PDP."""
 
@@ -151,6 +159,9 @@ def process(
     threshold: Annotated[
         Threshold, typer.Option(help="Least power of an MPC: noise + 12 dB (usc), or max(peak - 25, noise + 5) (nyu).")
     ] = Threshold.usc,
+    method: Annotated[
+        Method, typer.Option(help="MPCs: fitted jointly (sage), one after the other (clean), as they stand (peaks).")
+    ] = Method.sage,
     omnidirectional: Annotated[
         Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of the beams, or strongest beam.")
     ] = Omnidirectional.sum,
@@ -169,6 +180,7 @@ def process(
     options = Options(
         averaging=averaging.value,
         threshold=threshold.value,
+        method=method.value,
         omnidirectional=omnidirectional.value,
         keep_cir=keep_cir,
     )

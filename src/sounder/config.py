@@ -165,10 +165,31 @@ class Transmitter(_Table):
     power: float
 
 
+class Artefact(_Table):
+    """A copy that the instrument makes of every path: how much later [s], and how strong at most [dB].
+
+    The level is relative to the path in the same beam. Copies that come earlier have a negative delay.
+    """
+
+    delay: float
+    level: Annotated[float, Field(lt=0)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.delay == 0:
+            raise ValueError("delay is 0; expected how much later [s] than its path the copy comes")
+        return self
+
+
 class Processing(_Table):
-    """Bandwidth kept by the de-embedding [Hz], full width about the carrier; default 0.9 of the main lobe."""
+    """Choices about the instrument that processing needs.
+
+    ``bandwidth`` is kept by the de-embedding [Hz], full width about the carrier; default 0.9 of the main lobe.
+    ``artefact`` lists copies of paths that are not to be taken for paths.
+    """
 
     bandwidth: Positive | None = None
+    artefact: tuple[Artefact, ...] = ()
 
 
 class Sounder(_Table):

@@ -5,18 +5,22 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.constants import c
 
 from sounder.antenna import Pattern
 from sounder.calibration import Deembedding
+from sounder.component_table import tabulate
 from sounder.config import Sounder
 from sounder.daps import noise_power
 from sounder.kernels import component
-from sounder.kernels.cancel import Limits, cancel, search_of
+from sounder.kernels.cancel import cancel
+from sounder.kernels.peaks import Limits, search_of
 from sounder.kernels.view import View, beams_of, table_of
 from sounder.matched import OVER, Matched
 
 Threshold = Literal["usc", "nyu"]
+Method = Literal["sage", "clean", "peaks"]
+EFFORT: dict[Method, tuple[int, int, int]] = {"sage": (1, 3, 2), "clean": (1, 0, 0), "peaks": (0, 0, 0)}
+"""Whether paths are taken out, how often those about a new one are fitted again, and how often all are in the end."""
 
 CAPACITY = 1024
 """Most MPCs a position can have."""
@@ -26,12 +30,8 @@ LEFTOVER = 0.1
 """Amplitude, relative to a path in its beam, under which what a fit leaves around it is its own remainder (-20 dB)."""
 DYNAMIC_RANGE = 75.0
 """How far under the strongest sample a path can be told from what cancellation leaves of others [dB]."""
-PASSES = 2
-"""Rounds of fitting each path again with all the others taken out."""
 LOCATED = 3.0
 """How far over the pattern's sidelobes a path must stand in its beam for its angle to be believed [dB]."""
-DIRECT_GUARD = 1e-9
-"""How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]."""
 
 
 def extract(
@@ -41,6 +41,7 @@ def extract(
     *,
     distance: float = 0.0,
     threshold: Threshold = "usc",
+    method: Method = "sage",
 ) -> xr.Dataset:
     """Extract the MPCs of a position.
 
@@ -48,12 +49,8 @@ def extract(
     around it, by the matched filter of the calibrated pulse; its angles and amplitude by fitting the antenna's
     pattern to these magnitudes. Then the path is taken out of every beam, sidelobes in delay and angle with it, and
     the search starts again, until nothing exceeds the threshold. Paths that share samples are fitted again in turn.
-
-    Standard deviations are those of the least-squares fits, with the larger of the noise power and the fit's own
-    residual as variance; for the delay ``std = sqrt(P V / sum_b a_b^2)`` with the path's amplitude ``a_b`` in a beam,
-    ``P`` the noise power or what the fit left around the path, and ``V`` of :class:`sounder.matched.Matched`. Those of
-    elevation and gain reach, besides, to directions outside the fan that the beams do not exclude. Errors of one path
-    alone are up to 1.14 times the Cramer-Rao bound.
+    For the errors see :func:`sounder.component_table.tabulate`; those of one path alone are up to 1.14 times the
+    Cramer-Rao bound.
 
     Parameters
     ----------
@@ -70,15 +67,17 @@ def extract(
         ``usc``: noise floor + 12 dB, which noise alone exceeds once in 7 million samples (Gomez-Ponce et al.).
         ``nyu``: the higher of strongest - 25 dB and noise floor + 5 dB (Sun et al.); noise alone exceeds the second
         in 4 % of the samples, so that weak positions fill with noise.
+    method : {"sage", "clean", "peaks"}
+        ``sage``: as above; overlapping paths are fitted in turn, each to what the others leave (Fleury et al., 1999).
+        ``clean``: each path is fitted once, when it is taken out (Hogbom, 1974). ``peaks``: nothing is taken out;
+        peaks that stand 6 dB over what stronger ones and the antenna's sidelobes explain are fitted as they are.
 
     Returns
     -------
     xarray.Dataset
-        Along ``mpc``, strongest first, possibly none: ``delay`` [s], ``azimuth``, ``elevation`` [degree],
-        ``path_gain`` [dB] without antennas, and ``delay_std``, ``azimuth_std``, ``elevation_std``,
-        ``path_gain_std``. The elevation is NaN where the scan has one elevation only. The attribute
-        ``paths_outside_fan`` counts the paths left out because only sidelobes saw them, so that their angle is not
-        known; ``complete`` is 0 if more paths exceed the threshold than a table holds.
+        Along ``mpc``, strongest first, possibly none; the columns of :func:`sounder.component_table.tabulate`. The
+        attribute ``paths_outside_fan`` counts the paths left out because only sidelobes saw them, so that their angle
+        is not known; ``complete`` is 0 if more paths exceed the threshold than a table holds.
     """
     azimuth, elevation = cir["azimuth"].values, cir["elevation"].values
     beams = np.array(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64, order="C")
@@ -87,22 +86,27 @@ def extract(
     pattern = Pattern.of(sounder.rx_antenna)
     width_azimuth = sounder.rx_antenna.hpbw_azimuth or 360.0
     width_elevation = sounder.rx_antenna.hpbw_elevation or 180.0
+    effort = np.array(EFFORT[method])
     view = _view(azimuth, elevation, noise, pattern, matched, width_azimuth, width_elevation)
     bandwidth = np.ptp(np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate)[filter_.weight > 0])
     limits = Limits(
         threshold=_thresholds(beams, noise, threshold),
         resolution=np.array([filter_.sample_rate / bandwidth, width_azimuth / 2, width_elevation]),
-        leftover=np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0]),
+        leftover=_leftover(pattern, takes=bool(effort[0])),
+        artefact=np.array(
+            [[copy.delay * filter_.sample_rate, 10 ** (copy.level / 20)] for copy in sounder.processing.artefact]
+        ).reshape(-1, 2),
         margin=MARGIN,
     )
     work = component.work_of(view)
     found = np.zeros((CAPACITY, component.COLUMNS))
     taken = np.zeros((CAPACITY, len(beams)), np.complex64)
-    count, complete = cancel(beams, view, limits, PASSES, work, search_of(beams, work), found, taken)
+    count, complete = cancel(beams, view, limits, effort, work, search_of(beams, work), found, taken)
     found = found[:count][np.argsort(-found[:count, component.AMPLITUDE])]
-    located = _located(found, pattern) & ~(found[:, component.AZIMUTH_STD] > width_azimuth / 2)
-    table = _table(found[located], noise, matched, filter_.sample_rate, sounder, distance, fans=elevation.size > 1)
-    return table.assign_attrs(threshold=threshold, paths_outside_fan=int((~located).sum()), complete=int(complete))
+    located = _located(found, pattern, width_azimuth)
+    table = tabulate(found[located], noise, filter_, sounder, distance, fans=elevation.size > 1)
+    facts = {"threshold": threshold, "method": method, "complete": int(complete)}
+    return table.assign_attrs(facts, paths_outside_fan=int((~located).sum()))
 
 
 def _view(
@@ -131,22 +135,33 @@ def _view(
                 width_elevation,
                 pattern.floor * np.log(10) / 20,
                 matched.amplitude_variance,
+                _main_lobe(pattern),
             ]
         ),
         grid=np.array([azimuth.size, elevation.size, int(around), OVER]),
     )
 
 
-def _located(found: NDArray[np.float64], pattern: Pattern) -> NDArray[np.bool_]:
+def _leftover(pattern: Pattern, *, takes: bool) -> NDArray[np.float64]:
+    """Shares of a path that count as its own remainder, see `Limits.leftover`; of a path left in, all the beams see."""
+    if not takes:
+        return np.array([MARGIN, 0.0, 0.0])
+    return np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0])
+
+
+def _main_lobe(pattern: Pattern) -> float:
+    """Amplitude of the pattern that only the main lobe has."""
+    return float(10 ** ((pattern.sidelobe_level + LOCATED) / 20)) if pattern.directive else 0.0
+
+
+def _located(found: NDArray[np.float64], pattern: Pattern, width: float) -> NDArray[np.bool_]:
     """Tell the paths whose direction the main lobe has seen.
 
     A path far above or below the fan is seen through the sidelobes, alike by all beams; its delay is right, its angle
-    is not known.
+    is not known. Nor is that of what the pattern does not fit.
     """
-    if not pattern.directive:
-        return np.ones(len(found), bool)
-    least = 10 ** ((pattern.sidelobe_level + LOCATED) / 20)
-    located: NDArray[np.bool_] = found[:, component.OFF_BORESIGHT] > least
+    seen = found[:, component.OFF_BORESIGHT] > _main_lobe(pattern)
+    located: NDArray[np.bool_] = seen & ~(found[:, component.VAR_AZIMUTH] > (width / 2) ** 2)
     return located
 
 
@@ -158,54 +173,3 @@ def _thresholds(beams: NDArray[np.complex64], noise: NDArray[np.float64], thresh
     else:
         level = np.maximum(strongest * 10**-2.5, noise * 10**0.5)
     return np.where(np.isfinite(noise), level, np.inf)
-
-
-def _table(
-    found: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    matched: Matched,
-    sample_rate: float,
-    sounder: Sounder,
-    distance: float,
-    *,
-    fans: bool,
-) -> xr.Dataset:
-    delay = found[:, component.DELAY] / sample_rate
-    period = sounder.waveform.period
-    earliest = distance / c - DIRECT_GUARD
-    delay = earliest + (delay - earliest) % period
-    amplitude = found[:, component.AMPLITUDE]
-    energy = amplitude**2 * found[:, component.ENERGY]
-    around = np.maximum(noise[found[:, component.BEAM].astype(int)], found[:, component.LEFT_OVER])
-    columns = {
-        "delay": (delay, "s", "propagation delay"),
-        "azimuth": (found[:, component.AZIMUTH] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
-        "elevation": (
-            found[:, component.ELEVATION] if fans else np.full(len(found), np.nan),
-            "degree",
-            "elevation of arrival above the horizon",
-        ),
-        "path_gain": (
-            20 * np.log10(amplitude) - sounder.rx_antenna.gain,
-            "dB",
-            "path gain, antennas removed",
-        ),
-        "delay_std": (
-            np.sqrt(around * matched.delay_variance / energy) / sample_rate,
-            "s",
-            "standard deviation of delay",
-        ),
-        "azimuth_std": (found[:, component.AZIMUTH_STD], "degree", "standard deviation of azimuth"),
-        "elevation_std": (found[:, component.ELEVATION_STD], "degree", "standard deviation of elevation"),
-        "path_gain_std": (
-            20 / np.log(10) * found[:, component.AMPLITUDE_STD] / amplitude,
-            "dB",
-            "standard deviation of path gain",
-        ),
-    }
-    return xr.Dataset(
-        {
-            name: ("mpc", values, {"units": units, "long_name": long_name})
-            for name, (values, units, long_name) in columns.items()
-        }
-    )

@@ -14,7 +14,7 @@ from sounder.calibration import Deembedding
 from sounder.correlate import Averaging, Problem, calibrate, impulse_responses
 from sounder.daps import Omnidirectional, daps
 from sounder.intake import Job
-from sounder.mpc import Threshold, extract
+from sounder.mpc import Method, Threshold, extract
 from sounder.recording import Recording
 
 
@@ -24,6 +24,7 @@ class Options:
 
     averaging: Averaging = "coherent"
     threshold: Threshold = "usc"
+    method: Method = "sage"
     omnidirectional: Omnidirectional = "sum"
     keep_cir: bool = False
 
@@ -102,7 +103,14 @@ def products_of(
     groups = {
         "/": _root(recording, problems),
         "/daps": daps(cir, recording.sounder, omnidirectional=options.omnidirectional),
-        "/mpc": extract(cir, filter_, recording.sounder, distance=distance, threshold=options.threshold),
+        "/mpc": extract(
+            cir,
+            filter_,
+            recording.sounder,
+            distance=distance,
+            threshold=options.threshold,
+            method=options.method,
+        ),
     }
     if options.keep_cir:
         groups["/cir"] = cir

@@ -100,6 +100,11 @@ def test_another_sounder_is_another_file_and_no_code(edited):
         ({"scan__elevation": "elevation = [0, 91]"}, "scan: elevation leaves"),
         ({"scan__azimuth": "azimuth = [0, 360]\nunused = ["}, "scan"),
         ({"processing__bandwidth": "bandwidth = 1.2e9"}, "processing.bandwidth is 1.2 GHz"),
+        (
+            {"processing__bandwidth": "artefact = [{ delay = 0.0, level = -20.0 }]"},
+            "delay is 0; expected how much later",
+        ),
+        ({"processing__bandwidth": "artefact = [{ delay = 1e-8, level = 3.0 }]"}, "processing.artefact.0.level"),
     ],
 )
 def test_what_does_not_fit_is_named_in_one_line(edited, replaced, told):

@@ -14,6 +14,7 @@ from sounder.kernels.view import (
     LOOK_AZIMUTH,
     LOOK_ELEVATION,
     LOWEST,
+    MAIN_LOBE,
     N_AZIMUTHS,
     N_ELEVATIONS,
     NOISE,
@@ -27,6 +28,9 @@ PLAUSIBLE = 9.0
 """Squared residuals, in variances, by which another direction may fit worse without being excluded: 3 deviations."""
 CLEARLY = 0.25
 """Residual power, relative to that of a fit from the beam's own direction, at which a fit from outside the fan wins."""
+MOSTLY = 0.3
+"""Residual power, relative to all, under which a direction of the main lobe is not given up for one of the sidelobes:
+two paths that are not told apart fit neither, and a path that only sidelobes see is far from fitting the main lobe."""
 EXPLORE, SETTLE = 8, 20
 """Most steps of a fit from one of several starts, and of the last from the best of them."""
 SURELY = 1.0
@@ -36,12 +40,13 @@ have to be 20 dB stronger than it looks, 10."""
 
 
 @part
-def search_angles(b: int, view: View, work: Work, row: Real) -> None:
+def search_angles(b: int, view: View, work: Work, row: Real, alone: bool) -> None:
     """Fit the angles; at the edge of the fan from several directions. ``work.bounds`` are those of the best fit.
 
     Beyond the edge the pattern's floor makes further minima: start from several angles, the beam's own first, and that
     one kept within half its power. One further out must fit clearly and surely better: neither interference nor noise
-    must turn a weak path into a strong one out there. What is not excluded by three deviations is an error of the
+    must turn a weak path into a strong one out there. And where a path is ``alone``, no remainder of a stronger one,
+    it must be one that the main lobe does not fit at all. What is not excluded by three deviations is an error of the
     result, and how far it lies is kept in ``row``.
     """
     azimuth, elevation = view.beam[b, LOOK_AZIMUTH], view.beam[b, LOOK_ELEVATION]
@@ -51,6 +56,11 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
     outward = 1.0 if top else -1.0
     starts = STARTS if work.free[1] > 0.0 and (top or row_of_scan == 0) else 1
     edge = elevation + 0.5 * outward * view.limits[BEAMWIDTH]
+    power = 0.0
+    for i in range(NEAR):
+        if work.near[i] < 0:
+            break
+        power += work.magnitude[i] ** 2
     best = inside = math.inf
     first = elevation
     a0, a1, low, high, amplitude = azimuth, elevation, lowest, highest, 0.0
@@ -76,7 +86,8 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
             if accepted and cost < inside:
                 inside = cost
         else:
-            accepted = surely and cost < CLEARLY * inside
+            explained = alone and inside < MOSTLY * power and seen < view.limits[MAIN_LOBE]
+            accepted = surely and cost < CLEARLY * inside and not explained
         if start == 0:
             first = angles[1]
         if accepted and cost < best:
@@ -95,8 +106,11 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
     row[ELEVATION_SPREAD] = row[AMPLITUDE_SPREAD] = 0.0
     for start in range(starts):
         if work.tried[start, 2] < best + PLAUSIBLE * variance:
-            row[ELEVATION_SPREAD] = max(row[ELEVATION_SPREAD], abs(work.tried[start, 0] - a1))
-            row[AMPLITUDE_SPREAD] = max(row[AMPLITUDE_SPREAD], abs(work.tried[start, 1] - amplitude))
+            further, stronger = work.tried[start, 0] - a1, work.tried[start, 1] - amplitude
+            if abs(further) > abs(row[ELEVATION_SPREAD]):
+                row[ELEVATION_SPREAD] = further
+            if abs(stronger) > abs(row[AMPLITUDE_SPREAD]):
+                row[AMPLITUDE_SPREAD] = stronger
 
 
 @part

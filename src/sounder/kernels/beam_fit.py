@@ -17,8 +17,11 @@ EXACT = 1e-14
 """Cost, relative to the power, that is rounding alone."""
 COST, SUM_G2, NORMAL_AA, NORMAL_AE, NORMAL_EE, DOWN_A, DOWN_E, MEAN_A, MEAN_E, POWER = range(10)
 """Places of `_model`'s sums."""
-AZIMUTH, ELEVATION, AMPLITUDE, AZIMUTH_STD, ELEVATION_STD, AMPLITUDE_STD = range(6)
+AZIMUTH, ELEVATION, AMPLITUDE = range(3)
+VAR_AZIMUTH, VAR_ELEVATION, VAR_AMPLITUDE, AZIMUTH_ELEVATION, AZIMUTH_AMPLITUDE, ELEVATION_AMPLITUDE = range(3, 9)
+MISFIT = 9
 """Places of the result."""
+RESULTS = 10
 
 
 @part
@@ -44,9 +47,9 @@ def fit_angles(
         1 for an angle to be fitted; one with 0 stays at its start.
     steps : int
         Most steps.
-    fit : array (6,)
-        Holds the first azimuth and elevation [degree]; filled with azimuth, elevation, a, and their standard
-        deviations.
+    fit : array (RESULTS,)
+        Holds the first azimuth and elevation [degree]; filled with azimuth, elevation, a, their variances and
+        covariances, and the variance of the residuals over that of the noise (NaN without residuals or noise).
 
     Returns
     -------
@@ -95,25 +98,30 @@ def fit_angles(
     variance = noise
     if left > 0.0 and cost / left > noise:
         variance = cost / left
+    fit[MISFIT] = cost / (left * noise) if left > 0.0 and noise > 0.0 else math.nan
+    fit[AZIMUTH], fit[ELEVATION], fit[AMPLITUDE] = azimuth, elevation, amplitude
+    for place in range(VAR_AZIMUTH, MISFIT):
+        fit[place] = 0.0
+    fit[VAR_AZIMUTH] = fit[VAR_ELEVATION] = math.inf
     # An angle that no beam depends on to first order (all at the floor, or symmetric) is not determined.
     least = 1e-9 * amplitude * amplitude * energy
-    determined = normal_aa * normal_ee - normal_ae * normal_ae > 0.0
-    var_a = var_e = math.inf
-    spread = 1.0
-    if determined:
-        determinant = normal_aa * normal_ee - normal_ae * normal_ae
-        inverse_aa, inverse_ee, inverse_ae = normal_ee / determinant, normal_aa / determinant, -normal_ae / determinant
+    determinant = normal_aa * normal_ee - normal_ae * normal_ae
+    if determinant > 0.0:
+        aa, ee, ae = normal_ee / determinant, normal_aa / determinant, -normal_ae / determinant
+        # The amplitude's error is the noise's less what the errors of the angles take away.
+        by_a, by_e = (mean_a * aa + mean_e * ae) / energy, (mean_a * ae + mean_e * ee) / energy
+        fit[VAR_AMPLITUDE] = variance * (mean_a * by_a + mean_e * by_e) / energy
         if normal_aa > least:
-            var_a = variance * inverse_aa
+            fit[VAR_AZIMUTH], fit[AZIMUTH_AMPLITUDE] = variance * aa, -variance * by_a
         if normal_ee > least:
-            var_e = variance * inverse_ee
-        spread += (
-            mean_a * mean_a * inverse_aa + 2 * mean_a * mean_e * inverse_ae + mean_e * mean_e * inverse_ee
-        ) / energy
-    fit[AZIMUTH], fit[ELEVATION], fit[AMPLITUDE] = azimuth, elevation, amplitude
-    fit[AZIMUTH_STD] = math.sqrt(var_a) if free[0] > 0.0 else math.nan
-    fit[ELEVATION_STD] = math.sqrt(var_e) if free[1] > 0.0 else math.nan
-    fit[AMPLITUDE_STD] = math.sqrt(variance * spread / energy)
+            fit[VAR_ELEVATION], fit[ELEVATION_AMPLITUDE] = variance * ee, -variance * by_e
+        if normal_aa > least and normal_ee > least:
+            fit[AZIMUTH_ELEVATION] = variance * ae
+    fit[VAR_AMPLITUDE] += variance / energy
+    if free[0] == 0.0:
+        fit[VAR_AZIMUTH] = math.nan
+    if free[1] == 0.0:
+        fit[VAR_ELEVATION] = math.nan
     return cost
 
 

@@ -5,33 +5,21 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from sounder.kernels.beam_fit import RESULTS
 from sounder.kernels.view import OVER, View
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 Beams = npt.NDArray[np.complex64]
 
-(
-    DELAY,
-    AZIMUTH,
-    ELEVATION,
-    AMPLITUDE,
-    AZIMUTH_STD,
-    ELEVATION_STD,
-    AMPLITUDE_STD,
-    LEFT_OVER,
-    BEAM,
-    OFF_BORESIGHT,
-    ENERGY,
-    LOWER,
-    UPPER,
-    ELEVATION_SPREAD,
-    AMPLITUDE_SPREAD,
-) = range(15)
-"""Columns of the result; the last are the power that the fit left around the peak, the beam it was found in, the
-pattern's amplitude from that beam toward it, its squares summed over the beams of the fit, and the elevations between
-which it was fitted, and how far other directions lie that the beams do not exclude."""
-COLUMNS = 15
+DELAY = 0
+AZIMUTH, ELEVATION, AMPLITUDE, VAR_AZIMUTH, VAR_ELEVATION, VAR_AMPLITUDE = range(1, 7)
+AZIMUTH_ELEVATION, AZIMUTH_AMPLITUDE, ELEVATION_AMPLITUDE, MISFIT = range(7, 11)
+LEFT_OVER, BEAM, OFF_BORESIGHT, ENERGY, LOWER, UPPER, ELEVATION_SPREAD, AMPLITUDE_SPREAD = range(11, 19)
+"""Columns of the result: delay; what `beam_fit` tells, in its order; the power that the fit left around the peak, the
+beam it was found in, the pattern's amplitude from that beam toward it, its squares summed over the beams of the fit,
+the elevations between which it was fitted, and how far other directions lie that the beams do not exclude."""
+COLUMNS = 19
 STARTS = 10
 """Directions that an angle fit at the edge of the fan starts from."""
 NEAR = 9
@@ -63,5 +51,5 @@ def work_of(view: View) -> Work:
         np.empty(matched, complex),
         np.empty(matched, complex),
         np.empty(NEAR + 1, np.int64),
-        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, 6, 4, 2, (STARTS, 3))),
+        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, RESULTS, 4, 2, (STARTS, 3))),
     )

@@ -9,18 +9,19 @@ from sounder.kernels.compile import part
 from sounder.kernels.component import (
     AMPLITUDE,
     AMPLITUDE_SPREAD,
-    AMPLITUDE_STD,
     AZIMUTH,
     BEAM,
     DELAY,
     ELEVATION,
+    ELEVATION_AMPLITUDE,
     ELEVATION_SPREAD,
-    ELEVATION_STD,
     ENERGY,
     LEFT_OVER,
     LOWER,
     OFF_BORESIGHT,
     UPPER,
+    VAR_AMPLITUDE,
+    VAR_ELEVATION,
     Beams,
     Real,
     Work,
@@ -31,10 +32,11 @@ from sounder.kernels.view import NOISE, OVER, View, aim, pattern
 
 
 @part
-def fit(beams: Beams, view: View, work: Work, row: Real, anew: bool) -> None:
+def fit(beams: Beams, view: View, work: Work, row: Real, anew: bool, alone: bool) -> None:
     """Delay and angles from the beam that a path was found in and its neighbours, each given the other.
 
-    ``row`` holds the beam and a first delay and, unless they are to be searched ``anew``, the angles. With a phase of
+    ``row`` holds the beam and a first delay and, unless they are to be searched ``anew``, the angles; ``alone`` tells
+    that no stronger path is in its samples. With a phase of
     its own in every beam, the likelihood is largest where ``sum_b g_b |c_b(delay)|`` is, ``c_b`` being the output of
     the matched filter and ``g_b`` the pattern.
     """
@@ -46,7 +48,7 @@ def fit(beams: Beams, view: View, work: Work, row: Real, anew: bool) -> None:
         delay = climb(beams, view, work, delay, 0.5)
         neighbours(b, view, work)
         measure(beams, view, work, delay)
-        search_angles(b, view, work, row)
+        search_angles(b, view, work, row, alone)
     else:
         neighbours(b, view, work)
         angles[beam_fit.AZIMUTH], angles[beam_fit.ELEVATION] = row[AZIMUTH], row[ELEVATION]
@@ -55,10 +57,11 @@ def fit(beams: Beams, view: View, work: Work, row: Real, anew: bool) -> None:
     delay = climb(beams, view, work, delay, 0.15)
     measure(beams, view, work, delay)
     fit_angles(view, work.magnitude, work.near, magnitude_variance(view, b), work.bounds, work.free, SETTLE, angles)
-    for column in range(6):
+    for column in range(beam_fit.RESULTS):
         row[AZIMUTH + column] = angles[column]
-    row[ELEVATION_STD] = math.hypot(row[ELEVATION_STD], row[ELEVATION_SPREAD])
-    row[AMPLITUDE_STD] = math.hypot(row[AMPLITUDE_STD], row[AMPLITUDE_SPREAD])
+    row[VAR_ELEVATION] += row[ELEVATION_SPREAD] ** 2
+    row[VAR_AMPLITUDE] += row[AMPLITUDE_SPREAD] ** 2
+    row[ELEVATION_AMPLITUDE] += row[ELEVATION_SPREAD] * row[AMPLITUDE_SPREAD]
     row[DELAY], row[LOWER], row[UPPER] = delay, work.bounds[2], work.bounds[3]
     row[ENERGY] = weigh(view, work)
     row[OFF_BORESIGHT] = pattern(view, work.direction, b, work.slopes)
@@ -88,12 +91,14 @@ def take(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: 
 
 
 @part
-def fit_again(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int, anew: bool) -> None:
+def fit_again(
+    beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int, anew: bool, alone: bool
+) -> None:
     """Put path ``i`` back and fit it to what the others left."""
     first = sample(view.pulse, view.grid[OVER], row[DELAY], work.pulse)
     for b in range(beams.shape[0]):
         if taken[i, b] != 0:
             add(beams, b, first, work.pulse, taken[i, b])
-    fit(beams, view, work, row, anew)
+    fit(beams, view, work, row, anew, alone)
     take(beams, view, margin, work, row, taken, i)
     row[LEFT_OVER] = power_around(beams, int(row[BEAM]), row[DELAY])

@@ -52,7 +52,8 @@ def test_a_product_is_as_its_schema_says(campaign, products):
         "back-to-back.h5": hashlib.sha256((campaign / "back-to-back.h5").read_bytes()).hexdigest(),
     }
     options = json.loads(root.attrs["processing_options"])
-    assert options == {"averaging": "coherent", "threshold": "usc", "omnidirectional": "sum", "keep_cir": True}
+    extraction = {"threshold": "usc", "method": "sage"}
+    assert options == {"averaging": "coherent", **extraction, "omnidirectional": "sum", "keep_cir": True}
     grid = {"azimuth": 12, "elevation": 2}
     assert dict(daps["daps"].sizes) == dict(cir["cir"].sizes) == {**grid, "delay": 254}
     assert dict(daps["noise_floor"].sizes) == dict(daps["pas"].sizes) == grid
@@ -62,7 +63,7 @@ def test_a_product_is_as_its_schema_says(campaign, products):
     for name in (*columns, *(f"{name}_std" for name in columns)):
         assert mpc[name].dims == ("mpc",)
     units = {"delay": "s", "azimuth": "degree", "elevation": "degree"}
-    expected = {"daps": "dB", "noise_floor": "dB", "pdp": "dB", "pas": "dB", "path_gain": "dB"}
+    expected = {"daps": "dB", "noise_floor": "dB", "pdp": "dB", "pas": "dB", "path_gain": "dB", "snr": "dB"}
     for dataset in (root, daps, mpc):
         for name, variable in dataset.variables.items():
             if variable.dtype.kind == "f":
@@ -96,9 +97,10 @@ def test_options_are_stored(campaign, tmp_path, averaging):
         "--out",
         tmp_path,
     )
-    assert run(*arguments, "--averaging", averaging, "--threshold", "nyu", "--omnidirectional", "maximum") == 0
+    chosen = {"averaging": averaging, "threshold": "nyu", "method": "peaks", "omnidirectional": "maximum"}
+    assert run(*arguments, *(part for name, value in chosen.items() for part in (f"--{name}", value))) == 0
     options = json.loads(group(tmp_path / "RX1.h5", "/").attrs["processing_options"])
-    assert options == {"averaging": averaging, "threshold": "nyu", "omnidirectional": "maximum", "keep_cir": False}
+    assert options == {**chosen, "keep_cir": False}
     with h5py.File(tmp_path / "RX1.h5") as file:
         assert "cir" not in file
 

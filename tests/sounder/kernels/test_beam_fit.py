@@ -27,7 +27,8 @@ def pattern_toward(seen_with, azimuth, elevation, beam, slopes):
 @pytest.fixture
 def fit(make_view):
     def run(magnitude, *, looks=LOOKS, start=(0.0, 0.0), free=(1.0, 1.0), noise=0.0):
-        result = np.array([*start, 0, 0, 0, 0])
+        result = np.zeros(beam_fit.RESULTS)
+        result[:2] = start
         near = np.append(np.arange(len(looks)), -1)
         bounds = np.array([-20.0, 20.0, -20.0, 20.0])
         seen_with = make_view(PATTERN, looks, 1.0, (3, 3, 0))
@@ -94,14 +95,20 @@ def test_bounds_hold(fit):
     assert (np.abs(result[:2]) <= 20.0).all()
 
 
-def test_scatter_is_the_stated_deviation(fit):
+def test_scatter_is_the_stated_covariance(fit):
     """Gaussian errors of the magnitudes spread the results as the normal equations say."""
     rng = np.random.default_rng(3)
     sigma = 0.01
     results = np.array([fit(seen(2.0, -3.0) + sigma * rng.standard_normal(9), noise=sigma**2)[1] for _ in range(120)])
     spread = results[:, :3].std(axis=0)
     # 120 draws give a deviation to 6.5 %; the stated one takes the larger of noise and residual, which adds 10 %
-    np.testing.assert_allclose(spread / np.median(results[:, 3:], axis=0), 1.0, atol=0.3)
+    np.testing.assert_allclose(spread / np.median(np.sqrt(results[:, 3:6]), axis=0), 1.0, atol=0.3)
+    correlation = np.corrcoef(results[:, :3].T)[[0, 0, 1], [1, 2, 2]]
+    stated = results[:, 6:9] / np.sqrt(results[:, [3, 3, 4]] * results[:, [4, 5, 5]])
+    # and a correlation to (1 - r^2) / sqrt(120) = 0.09
+    np.testing.assert_allclose(correlation, np.median(stated, axis=0), atol=0.28)
+    # residuals of 6 degrees of freedom in 120 draws: mean 1 to sqrt(2 / 720)
+    assert results[:, beam_fit.MISFIT].mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / 720))
     np.testing.assert_allclose(results[:, :3].mean(axis=0), [2.0, -3.0, 1.0], atol=4 * spread.max() / np.sqrt(120))
 
 

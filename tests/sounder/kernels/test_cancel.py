@@ -6,7 +6,8 @@ import pytest
 from sounder.antenna import Pattern
 from sounder.config import Antenna
 from sounder.kernels import component
-from sounder.kernels.cancel import Limits, cancel, search_of
+from sounder.kernels.cancel import cancel
+from sounder.kernels.peaks import Limits, search_of
 
 SIZE = 300
 PATTERN = Pattern.of(Antenna(gain=24.5, hpbw_azimuth=10.0, hpbw_elevation=9.0))
@@ -30,7 +31,7 @@ def beams_of(hann):
 
 @pytest.fixture
 def run(make_view):
-    def cancelled(beams, *, noise=1e-8, capacity=50, passes=2):
+    def cancelled(beams, *, noise=1e-8, capacity=50, effort=(1, 3, 2)):
         left = beams.astype(np.complex64)
         level = np.where(np.isfinite(beams[:, 0]), noise, np.nan)
         view = make_view(PATTERN, LOOKS, level, (36, 3, 1))
@@ -38,11 +39,12 @@ def run(make_view):
             threshold=np.where(np.isfinite(level), level * 10**1.2, np.inf),
             resolution=np.array([1.1, 5.0, 9.0]),
             leftover=np.array([0.1, 2.0, 10**-1.5]),
+            artefact=np.empty((0, 2)),
             margin=2.0,
         )
         work = component.work_of(view)
         found, taken = np.zeros((capacity, component.COLUMNS)), np.zeros((capacity, len(LOOKS)), np.complex64)
-        count, complete = cancel(left, view, limits, passes, work, search_of(left, work), found, taken)
+        count, complete = cancel(left, view, limits, np.array(effort), work, search_of(left, work), found, taken)
         return found[:count], left, complete
 
     return cancelled
