@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from erm.formats import FREQUENCY, HEIGHT, MARGIN
+
 
 def export(
     environment: Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)],
@@ -22,11 +24,11 @@ def export(
     ] = 0.0,
     height: Annotated[
         float, typer.Option(help="Drawings: walls without end are cut so high above the ground [m].")
-    ] = 30.0,
-    margin: Annotated[float, typer.Option(help="Drawings: reach of ground and ceiling beyond the walls [m].")] = 50.0,
+    ] = HEIGHT,
+    margin: Annotated[float, typer.Option(help="Drawings: reach of ground and ceiling beyond the walls [m].")] = MARGIN,
     frequency: Annotated[
         float, typer.Option(help=".xml: where materials unknown to the ray tracer are evaluated [Hz].")
-    ] = 132e9,
+    ] = FREQUENCY,
 ) -> None:
     """Write a map in another format, or give it its place on earth.
 

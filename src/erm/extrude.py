@@ -8,8 +8,6 @@ from erm.environment import Environment, Slab
 from erm.faces import CEILING, GROUND
 from erm.geometry import FloatArray, unit
 
-HEIGHT = 30.0
-MARGIN = 50.0
 POLE_SIDES = 16
 
 
@@ -38,7 +36,7 @@ class Surface:
     faces: np.ndarray
 
 
-def extrude(environment: Environment, *, height: float = HEIGHT, margin: float = MARGIN) -> list[Surface]:
+def extrude(environment: Environment, *, height: float, margin: float) -> list[Surface]:
     """Surfaces of all reflectors, then of ground and ceiling, each with vertices of its own.
 
     A wall is a plane without thickness, meant to be seen from both sides: two triangles that face the way of
@@ -73,7 +71,7 @@ def extrude(environment: Environment, *, height: float = HEIGHT, margin: float =
     return surfaces
 
 
-def spans(environment: Environment, height: float = HEIGHT) -> tuple[FloatArray, FloatArray]:
+def spans(environment: Environment, height: float) -> tuple[FloatArray, FloatArray]:
     """Finite heights of the lower and the upper edges (reflector,) [m], see `extrude`."""
     table = environment.reflectors
     base, top = table.base.values, table.top.values

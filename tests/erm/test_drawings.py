@@ -12,12 +12,16 @@ from scipy.constants import epsilon_0
 
 from erm.environment import Environment, Slab, make_reflectors
 from erm.errors import DataError
-from erm.extrude import extrude
+from erm.extrude import Surface, extrude
 from erm.formats import ply
 from erm.formats.ply import joined
 from erm.materials import LIBRARY, Material
 
 MICROMETRE = 1e-6  # half of which drawings are rounded to
+
+
+def surfaces_of(place: Environment, *, height: float = 30.0, margin: float = 50.0) -> list[Surface]:
+    return extrude(place, height=height, margin=margin)
 
 
 def place_of(seed: int = 0) -> Environment:
@@ -49,7 +53,7 @@ def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
 def test_a_ply_holds_every_surface_and_says_which_reflector_it_is(tmp_path):
     place_of().write(tmp_path / "map.ply", height=25.0, margin=7.0)
     vertices, faces, properties = read_ply(tmp_path / "map.ply")
-    surfaces = extrude(place_of(), height=25.0, margin=7.0)
+    surfaces = surfaces_of(place_of(), height=25.0, margin=7.0)
     expected, corners = joined(surfaces)
     np.testing.assert_allclose(vertices, expected, rtol=0, atol=MICROMETRE)
     np.testing.assert_array_equal(faces[:, :3], corners)
@@ -60,7 +64,7 @@ def test_a_ply_holds_every_surface_and_says_which_reflector_it_is(tmp_path):
 def test_an_obj_holds_every_surface_as_an_object_of_its_material(tmp_path):
     place_of().write(tmp_path / "map.obj")
     rows = [line.split() for line in (tmp_path / "map.obj").read_text().splitlines()]
-    surfaces = extrude(place_of())
+    surfaces = surfaces_of(place_of())
     expected, corners = joined(surfaces)
     vertices = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
     faces = np.array([row[1:] for row in rows if row[0] == "f"], dtype=int)
@@ -88,7 +92,7 @@ def scene_of(path: Path) -> dict[str, tuple[ElementTree.Element, str]]:
 def test_a_scene_has_one_mesh_a_material(tmp_path):
     place_of().write(tmp_path / "map.xml")
     shapes = scene_of(tmp_path / "map.xml")
-    surfaces = extrude(place_of())
+    surfaces = surfaces_of(place_of())
     assert len(shapes) == len({surface.material for surface in surfaces}) == 6
     assert {path.name for path in tmp_path.iterdir()} == {"map.xml", *(mesh for _, mesh in shapes.values())}
     for name, (_, mesh) in shapes.items():
@@ -208,7 +212,7 @@ def test_a_dxf_has_lines_circles_and_faces_on_layers_in_metres(tmp_path):
     np.testing.assert_array_equal([circle.dxf.thickness for circle in circles], [8.0, 12.5])  # up to the ceiling
     for layer, kind in (("wall_faces", "wall"), ("ground", "ground"), ("ceiling", "ceiling")):
         faces = [face.wcs_vertices() for face in space.query(f"3DFACE[layer=='{layer}']")]
-        surfaces = [s.vertices for s in extrude(place, height=25.0, margin=7.0) if s.kind == kind]
+        surfaces = [s.vertices for s in surfaces_of(place, height=25.0, margin=7.0) if s.kind == kind]
         np.testing.assert_array_equal(np.array(faces), surfaces)
     Environment.empty().write(tmp_path / "empty.dxf")
     assert len(ezdxf.readfile(tmp_path / "empty.dxf").modelspace()) == 0
@@ -229,6 +233,7 @@ def test_a_drawing_is_not_read_again(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("option", ["height", "margin", "frequency"])
-def test_drawings_have_an_extent(tmp_path, option):
-    with pytest.raises(DataError, match=f"{option} 0"):
-        place_of().write(tmp_path / "map.xml", **{option: 0.0})
+@pytest.mark.parametrize("value", [0.0, np.inf, np.nan])
+def test_drawings_have_an_extent(tmp_path, option, value):
+    with pytest.raises(DataError, match=f"{option} {value}"):
+        place_of().write(tmp_path / "map.xml", **{option: value})

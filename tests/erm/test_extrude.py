@@ -8,6 +8,10 @@ from erm.extrude import Surface, extrude
 from erm.geometry import unit
 
 
+def surfaces_of(place: Environment, *, height: float = 30.0, margin: float = 50.0) -> list[Surface]:
+    return extrude(place, height=height, margin=margin)
+
+
 def vector_areas(surface: Surface) -> np.ndarray:
     """Of each triangle (face, 3): along its outward normal, as long as its area [m2]."""
     a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
@@ -39,7 +43,7 @@ def test_a_wall_has_its_area_and_faces_the_way_of_its_normal(seed):
     table = place.reflectors
     length = np.linalg.norm(np.diff(table["end_points"].values, axis=1)[:, 0], axis=-1)
     area = length * (table["top"] - table["base"]).values
-    surfaces = extrude(place)
+    surfaces = surfaces_of(place)
     assert [(surface.index, surface.kind) for surface in surfaces] == [(i, "wall") for i in range(20)]
     for surface, normal, size in zip(surfaces, table["normal"].values, area, strict=True):
         triangles = vector_areas(surface)
@@ -51,7 +55,7 @@ def test_a_wall_has_its_area_and_faces_the_way_of_its_normal(seed):
 
 def test_a_pole_is_a_closed_prism_inside_its_cylinder():
     place = Environment.empty().with_poles([[30.0, -40.0], [0.0, 5.0]], [0.25, 2.0], base=1.0, top=[9.0, 4.0])
-    for surface, radius, height in zip(extrude(place), (0.25, 2.0), (8.0, 3.0), strict=True):
+    for surface, radius, height in zip(surfaces_of(place), (0.25, 2.0), (8.0, 3.0), strict=True):
         assert surface.kind == "pole"
         # a regular polygon of 16 corners on the circle
         ring = 8 * np.sin(np.pi / 8) * radius**2
@@ -68,7 +72,7 @@ def test_a_pole_is_a_closed_prism_inside_its_cylinder():
 def test_ground_faces_up_and_ceiling_down_as_far_as_is_said():
     walls = Environment.walls([[[0, 0], [20, 0]], [[20, 0], [20, 10]]], ground=Slab(-1.0, "asphalt"), ceiling=Slab(6.0))
     place = walls.with_poles([[-5.0, 3.0]], 0.5)
-    ground, ceiling = extrude(place, margin=4.0)[-2:]
+    ground, ceiling = surfaces_of(place, margin=4.0)[-2:]
     assert (ground.kind, ground.index, ground.material) == ("ground", -1, "asphalt")
     assert (ceiling.kind, ceiling.index, ceiling.material) == ("ceiling", -2, "concrete")
     # 5.5 m west of the origin to 20 m east, 0 m to 10 m north, 4 m more at every side
@@ -80,8 +84,8 @@ def test_ground_faces_up_and_ceiling_down_as_far_as_is_said():
 
 
 def test_an_empty_place_has_ground_around_the_origin():
-    assert extrude(Environment.empty()) == []
-    (ground,) = extrude(Environment.empty(ground=Slab(0.0)), margin=10.0)
+    assert surfaces_of(Environment.empty()) == []
+    (ground,) = surfaces_of(Environment.empty(ground=Slab(0.0)), margin=10.0)
     assert vector_areas(ground).sum(axis=0).tolist() == [0, 0, 400]
 
 
@@ -101,7 +105,7 @@ def test_an_empty_place_has_ground_around_the_origin():
 )
 def test_a_wall_without_end_is_cut(base, top, slabs, expected):
     place = Environment.walls([[[0, 0], [1, 0]]], base=base, top=top, **slabs)
-    heights = extrude(place, height=30.0)[0].vertices[:, 2]
+    heights = surfaces_of(place, height=30.0)[0].vertices[:, 2]
     assert (heights.min(), heights.max()) == expected
 
 
@@ -111,7 +115,7 @@ def test_surfaces_move_with_the_place(seed):
     place = random_walls(seed).with_poles([[3.0, 4.0]], 0.3, top=5.0)
     angle, shift = rng.uniform(0, 360), rng.uniform(-100, 100, 3)
     turn = np.stack([unit(angle), unit(angle + 90)])
-    for before, after in zip(extrude(place), extrude(place.moved(angle, shift)), strict=True):
+    for before, after in zip(surfaces_of(place), surfaces_of(place.moved(angle, shift)), strict=True):
         if before.kind == "wall":  # a prism's corners keep to the axes
             level = before.vertices[:, :2] @ turn + shift[:2]
             np.testing.assert_allclose(after.vertices, np.column_stack([level, before.vertices[:, 2] + shift[2]]))

@@ -1,6 +1,7 @@
 """Environments on disk: a format is one module, chosen by the suffix."""
 
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,15 +17,17 @@ Reader = Callable[[Path], tuple["Columns", dict[str, Any]]]
 
 DRAWINGS = (".dxf", ".obj", ".ply", ".xml")
 """Formats that are written only: they hold shapes, not what is known about them."""
+HEIGHT, MARGIN, FREQUENCY = 30.0, 50.0, 132e9
+"""What `write_environment` takes for its options."""
 
 
 def write_environment(
     environment: "Environment",
     path: Path | str,
     *,
-    height: float = 30.0,
-    margin: float = 50.0,
-    frequency: float = 132e9,
+    height: float = HEIGHT,
+    margin: float = MARGIN,
+    frequency: float = FREQUENCY,
 ) -> None:
     """Write an environment by the suffix; whole or not at all.
 
@@ -84,8 +87,8 @@ def _draw(environment: "Environment", path: Path, height: float, margin: float, 
     from erm.extrude import extrude
     from erm.formats import dxf, mitsuba, obj, ply
 
-    if not (height > 0 and margin > 0 and frequency > 0):
-        raise DataError(f"{path}: height {height}, margin {margin} and frequency {frequency} must be positive")
+    if not all(0 < value < inf for value in (height, margin, frequency)):
+        raise DataError(f"{path}: height {height}, margin {margin}, frequency {frequency}; expected positive numbers")
     suffix = path.suffix.lower()
     if suffix == ".dxf":
         dxf.write(environment, path, height=height, margin=margin)
