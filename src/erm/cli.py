@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from erm import console
+from erm.cli_export import export
 from erm.errors import DataError
 
 app = typer.Typer(
@@ -34,7 +35,7 @@ def reconstruct(
     mpcs: Annotated[
         list[Path], typer.Argument(help="MPC tables (.csv) and products of `sounder process`, any mixture.")
     ],
-    out: Annotated[Path, typer.Option(help="Map to write: .h5, .geojson, .gpkg or .csv.")],
+    out: Annotated[Path, typer.Option(help="Map to write: .h5, .geojson, .gpkg, .csv; or a format of `erm export`.")],
     rps: Annotated[Path | None, typer.Option(help="Also write the accepted reflection points (.csv).")] = None,
     figure: Annotated[Path | None, typer.Option(help="Also draw the map (.png, .pdf, .svg).")] = None,
     threshold: Annotated[
@@ -108,9 +109,9 @@ def evaluate(
 
     found = Environment.read(environment)
     if outline.suffix.lower() in (".geojson", ".json"):
-        truth = read_outline(outline, z_slice=z_slice, min_visible=min_visible)
+        truth = read_outline(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
     else:
-        truth = outline_of(Environment.read(outline))
+        truth = outline_of(Environment.read(outline), found.georeference)
         if len(truth) == 0:
             raise DataError(f"{outline}: holds no wall; expected some to judge by")
     walls = evaluate_walls(found, truth)
@@ -189,6 +190,9 @@ def letter(out: Annotated[Path, typer.Option(help="Folder for the tables and fig
         ([e.scenario, e.statistic, _number(e.printed), _number(e.recomputed)] for e in entries),
     )
     print("Canyon and Porch cannot be recomputed: their reflection points are not printed.")
+
+
+app.command()(export)
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from erm.errors import DataError
 from erm.geometry import unit
+from erm.georeference import Georeference
 from erm.materials import LIBRARY, Material
 
 if TYPE_CHECKING:
@@ -139,6 +140,8 @@ class Environment:
         Infinite planes below and above; absent if None.
     materials : mapping of str to Material
         Those of the reflectors; names that are missing here are taken from `erm.materials.LIBRARY`.
+    georeference : Georeference, optional
+        Where on earth the local frame lies. What is moved or turned in the frame leaves it alone.
 
     Raises
     ------
@@ -150,6 +153,7 @@ class Environment:
     ground: Slab | None = None
     ceiling: Slab | None = None
     materials: Mapping[str, Material] = field(default_factory=dict)
+    georeference: Georeference | None = None
 
     def __post_init__(self) -> None:
         _check(self.reflectors)
@@ -234,11 +238,11 @@ class Environment:
         ceiling = self.ceiling and replace(self.ceiling, height=self.ceiling.height + float(shift[2]))
         return replace(self, reflectors=table, ground=ground, ceiling=ceiling)
 
-    def write(self, path: Path | str) -> None:
-        """Write as .h5, .geojson, .gpkg or .csv, by the suffix; whole or not at all."""
+    def write(self, path: Path | str, **drawing: float) -> None:
+        """Write by the suffix, whole or not at all; ``drawing`` are options of `erm.formats.write_environment`."""
         from erm.formats import write_environment
 
-        write_environment(self, path)
+        write_environment(self, path, **drawing)
 
     @classmethod
     def read(cls, path: Path | str) -> "Environment":

@@ -1,4 +1,4 @@
-"""Known outlines to judge a map by: GeoJSON LineStrings and Polygons in local metres, or an Environment."""
+"""Known outlines to judge a map by: GeoJSON LineStrings and Polygons, in local metres or WGS 84, or an Environment."""
 
 import json
 from collections.abc import Iterator
@@ -11,10 +11,23 @@ import numpy as np
 from erm.environment import Environment
 from erm.errors import DataError
 from erm.geometry import FloatArray
+from erm.georeference import Georeference, declared
+
+LEAST_SPAN = 0.1
+"""An outline that spans less is not in metres but in degrees, where it is 11 km."""
 
 
-def read_outline(path: Path | str, *, z_slice: float | None = None, min_visible: float = 0.0) -> FloatArray:
+def read_outline(
+    path: Path | str,
+    *,
+    z_slice: float | None = None,
+    min_visible: float = 0.0,
+    georeference: Georeference | None = None,
+) -> FloatArray:
     """Read the wall segments of a GeoJSON outline.
+
+    Coordinates are local metres, unless the file has a member ``georeference`` or a ``crs`` that names WGS 84, or spans
+    less than 0.1: then they are longitude and latitude.
 
     Parameters
     ----------
@@ -26,6 +39,8 @@ def read_outline(path: Path | str, *, z_slice: float | None = None, min_visible:
     min_visible : float
         Keep features of which a larger share than this is visible from a receiver
         (``visible_from_any_rx_frac``); those without the property are kept.
+    georeference : Georeference, optional
+        Local frame, the map's, to which longitudes and latitudes are taken; default the file's own.
 
     Returns
     -------
@@ -35,7 +50,8 @@ def read_outline(path: Path | str, *, z_slice: float | None = None, min_visible:
     Raises
     ------
     DataError
-        The file is missing, is not GeoJSON, or no wall is left after the filters.
+        The file is missing, is not GeoJSON, no wall is left after the filters, or it is in WGS 84 and there is no
+        origin.
     """
     path = Path(path)
     try:
@@ -66,13 +82,32 @@ def read_outline(path: Path | str, *, z_slice: float | None = None, min_visible:
     if not segments:
         known = f"; slices in the file: {sorted(slices)}" if slices else ""
         raise DataError(f"{path}: no LineString or Polygon is left{known}; relax z_slice or min_visible")
-    return np.asarray(segments, dtype=float)
+    points = np.asarray(segments, dtype=float)
+    try:
+        geodetic, own = declared(document)
+        if not geodetic and np.ptp(points, axis=(0, 1)).max() >= LEAST_SPAN:
+            return points
+        frame = georeference or own
+        if frame is None:
+            raise DataError(
+                "is in degrees and its origin is not known; give it metres, or the map an origin (erm export)"
+            )
+        return frame.to_local(points)[..., :2]
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
 
 
-def outline_of(environment: Environment) -> FloatArray:
-    """Wall segments (segment, 2 ends, 2) of an environment [m]; poles have none."""
+def outline_of(environment: Environment, georeference: Georeference | None = None) -> FloatArray:
+    """Wall segments (segment, 2 ends, 2) of an environment [m]; poles have none.
+
+    They are in the frame of ``georeference`` where this is given and the environment has one, too.
+    """
     table = environment.reflectors
-    return table["end_points"].values[table["kind"].values == "wall"]
+    ends = table["end_points"].values[table["kind"].values == "wall"]
+    own = environment.georeference
+    if own and georeference and own != georeference:
+        return georeference.to_local(own.to_geodetic(ends))[..., :2]
+    return ends
 
 
 def _property(feature: Any, name: str) -> float | None:

@@ -1,7 +1,7 @@
 """Environments: what they accept, how they move, and that files keep them whole."""
 
-import builtins
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -143,14 +143,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_geopackage_without_its_library_names_the_extra(tmp_path, monkeypatch):
-    real = builtins.__import__
-
-    def without(name, *rest, **more):
-        if name.startswith("pyogrio"):
-            raise ImportError(name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "pyogrio", None)
     with pytest.raises(DataError, match=r"sounder-to-map\[gis\]"):
         random_place(0).write(tmp_path / "a.gpkg")
 

@@ -1,6 +1,7 @@
-"""Environments on disk: a format is one file, chosen by the suffix."""
+"""Environments on disk: a format is one module, chosen by the suffix."""
 
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,35 @@ Writer = Callable[["Columns", dict[str, Any], Path], None]
 Reader = Callable[[Path], tuple["Columns", dict[str, Any]]]
 
 
-def write_environment(environment: "Environment", path: Path | str) -> None:
-    """Write an environment as .h5, .geojson, .gpkg or .csv, by the suffix; whole or not at all.
+DRAWINGS = (".dxf", ".obj", ".ply", ".xml")
+"""Formats that are written only: they hold shapes, not what is known about them."""
+HEIGHT, MARGIN, FREQUENCY = 30.0, 50.0, 132e9
+"""What `write_environment` takes for its options."""
+
+
+def write_environment(
+    environment: "Environment",
+    path: Path | str,
+    *,
+    height: float = HEIGHT,
+    margin: float = MARGIN,
+    frequency: float = FREQUENCY,
+) -> None:
+    """Write an environment by the suffix; whole or not at all.
+
+    Maps, to be read again, are .h5, .geojson, .gpkg and .csv; drawings are .dxf, .ply, .obj and .xml (for Mitsuba
+    and Sionna RT, with meshes beside it).
+
+    Parameters
+    ----------
+    environment : Environment
+    path : path
+        The file.
+    height, margin : float
+        Of drawings: where walls without end are cut, and how far ground and ceiling reach [m]; see
+        `erm.extrude.extrude`.
+    frequency : float
+        Of .xml: where materials that the ray tracer does not know are evaluated [Hz].
 
     Raises
     ------
@@ -25,8 +53,12 @@ def write_environment(environment: "Environment", path: Path | str) -> None:
     from erm.formats.columns import to_columns, to_scene
 
     path = Path(path)
-    write, _ = _format_of(path)
-    write(to_columns(environment.reflectors), to_scene(environment), path)
+    suffix = path.suffix.lower()
+    if suffix in DRAWINGS:
+        _draw(environment, path, height, margin, frequency)
+    else:
+        write, _ = _format_of(path)
+        write(to_columns(environment.reflectors), to_scene(environment), path)
 
 
 def read_environment(path: Path | str) -> "Environment":
@@ -50,6 +82,26 @@ def read_environment(path: Path | str) -> "Environment":
         raise error if text.startswith(str(path)) else DataError(f"{path}: {text}") from error
 
 
+def _draw(environment: "Environment", path: Path, height: float, margin: float, frequency: float) -> None:
+    """Write one of the `DRAWINGS`."""
+    from erm.extrude import extrude
+    from erm.formats import dxf, mitsuba, obj, ply
+
+    if not all(0 < value < inf for value in (height, margin, frequency)):
+        raise DataError(f"{path}: height {height}, margin {margin}, frequency {frequency}; expected positive numbers")
+    suffix = path.suffix.lower()
+    if suffix == ".dxf":
+        dxf.write(environment, path, height=height, margin=margin)
+        return
+    surfaces = extrude(environment, height=height, margin=margin)
+    if suffix == ".ply":
+        ply.write(surfaces, path)
+    elif suffix == ".obj":
+        obj.write(surfaces, path)
+    else:
+        mitsuba.write(surfaces, environment.materials, frequency, path)
+
+
 def _format_of(path: Path) -> tuple[Writer, Reader]:
     """Return the pair (writer, reader) of a suffix; each format is imported when used."""
     suffix = path.suffix.lower()
@@ -69,4 +121,8 @@ def _format_of(path: Path) -> tuple[Writer, Reader]:
         from erm.formats import text
 
         return text.write, text.read
-    raise DataError(f"{path}: unknown format {suffix!r}; choose .h5, .geojson, .gpkg or .csv")
+    if suffix in DRAWINGS:
+        raise DataError(f"{path}: a drawing, which is not read again; give the map it was made from")
+    raise DataError(
+        f"{path}: unknown format {suffix!r}; choose .h5, .geojson, .gpkg or .csv, or to draw .dxf, .ply, .obj or .xml"
+    )

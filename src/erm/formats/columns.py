@@ -8,6 +8,7 @@ import numpy as np
 
 from erm.environment import DEFAULT_MATERIAL, Environment, Slab, make_reflectors
 from erm.errors import DataError
+from erm.georeference import Georeference
 from erm.materials import Material
 from erm.storage import provenance
 
@@ -48,6 +49,7 @@ def to_scene(environment: Environment) -> dict[str, Any]:
         "ground": environment.ground and asdict(environment.ground),
         "ceiling": environment.ceiling and asdict(environment.ceiling),
         "materials": [material.to_dict() for material in environment.materials.values()],
+        "georeference": environment.georeference and asdict(environment.georeference),
     }
 
 
@@ -78,7 +80,9 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
         )
     except (TypeError, ValueError, KeyError, AttributeError) as error:
         raise DataError(f"ground, ceiling or materials are malformed ({error})") from error
-    return Environment(table, ground, ceiling, {material.name: material for material in materials})
+    place = scene.get("georeference")
+    frame = Georeference.from_dict(place) if place is not None else None
+    return Environment(table, ground, ceiling, {material.name: material for material in materials}, frame)
 
 
 def number(columns: Columns, name: str, count: int) -> np.ndarray:

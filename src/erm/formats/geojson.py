@@ -1,4 +1,8 @@
-"""Environment as GeoJSON in local metres: walls are LineStrings, poles Points."""
+"""Environment as GeoJSON: walls are LineStrings, poles Points.
+
+Coordinates are local metres, or, of an environment with a georeference, WGS 84 as RFC 7946 wants them: longitude and
+latitude of the points in the local plane z = 0.
+"""
 
 import json
 from collections.abc import Mapping
@@ -10,16 +14,25 @@ import numpy as np
 
 from erm.errors import DataError
 from erm.formats.columns import COVARIANCES, DEFAULTS, ENDS, Columns
+from erm.georeference import Georeference, declared
 from erm.storage import atomic_path
 
+DIGITS = 11  # of a degree: a micrometre
 SHAPES = {"wall": "LineString", "pole": "Point"}
 
 
 def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
     """Write a FeatureCollection; a number that is not finite becomes null, which JSON has in its place."""
+    ends = np.stack([columns[name] for name in ENDS], axis=-1).astype(float).reshape(-1, 2, 2)
+    if scene["georeference"]:
+        try:
+            geodetic = Georeference.from_dict(scene["georeference"]).to_geodetic(ends)
+        except DataError as error:
+            raise DataError(f"{path}: {error}") from error
+        ends = np.round(geodetic[..., :2], DIGITS)
     features = []
     for index, kind in enumerate(columns["kind"]):
-        first, second = ([float(columns[name][index]) for name in pair] for pair in (ENDS[:2], ENDS[2:]))
+        first, second = ends[index].tolist()
         properties = {name: _plain(columns[name][index]) for name in DEFAULTS}
         coordinates = first if kind == "pole" else [first, second]
         geometry = {"type": SHAPES[kind], "coordinates": coordinates}
@@ -47,7 +60,16 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
             rows += rows_of_shape(shape["type"], shape["coordinates"], feature.get("properties") or {})
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise DataError(f"{path}: feature {index} is neither a LineString nor a Point ({error!r})") from error
-    return table_of_rows(rows), document
+    columns = table_of_rows(rows)
+    geodetic, frame = declared(document)
+    if frame:
+        local = frame.to_local(np.stack([columns[name] for name in ENDS], axis=-1).reshape(-1, 2, 2))[..., :2]
+        columns |= dict(zip(ENDS, local.reshape(-1, 4).T, strict=True))
+    elif geodetic:
+        raise DataError(
+            f"{path}: is in WGS 84; say where the local origin is by a member georeference, beside features"
+        )
+    return columns, document
 
 
 def rows_of_shape(kind: str, points: list[list[float]], properties: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from erm.errors import DataError
+from erm.extras import require
 from erm.formats.columns import DEFAULTS, ENDS, Columns
 from erm.formats.geojson import rows_of_shape, table_of_rows
 from erm.storage import atomic_path
@@ -66,12 +67,5 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
 
 
 def _pyogrio(path: Path) -> ModuleType:
-    try:
-        import pyogrio
-        import pyogrio.raw
-    except ImportError as error:
-        raise DataError(
-            f"{path}: GeoPackage needs pyogrio, which is not installed; "
-            "pip install 'sounder-to-map[gis]', or choose .geojson"
-        ) from error
-    return pyogrio
+    require("pyogrio.raw", "gis", f"{path}: GeoPackage", "choose .geojson")
+    return require("pyogrio", "gis", f"{path}: GeoPackage", "choose .geojson")

@@ -15,7 +15,7 @@ UNITS = (
     | dict.fromkeys(("normal",), "degree")
     | dict(zip(COVARIANCES, ("degree2", "degree m", "m2"), strict=True))
 )
-SCENE = ("ground", "ceiling", "materials")
+SCENE = ("ground", "ceiling", "materials", "georeference")
 
 
 def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:

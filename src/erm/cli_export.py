@@ -1,0 +1,50 @@
+"""The command ``erm export``: any map to any format, and to its place on earth."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from erm.formats import FREQUENCY, HEIGHT, MARGIN
+
+
+def export(
+    environment: Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(help="Map (.h5, .geojson, .gpkg, .csv) or drawing (.dxf, .ply, .obj, .xml).", show_default=False),
+    ],
+    origin: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="Latitude and longitude of the local origin, WGS 84 [degree].", show_default=False),
+    ] = None,
+    origin_height: Annotated[float, typer.Option(help="Its height above the ellipsoid [m].")] = 0.0,
+    heading: Annotated[
+        float, typer.Option(help="Bearing of the local north, clockwise from true north [degree].")
+    ] = 0.0,
+    height: Annotated[
+        float, typer.Option(help="Drawings: walls without end are cut so high above the ground [m].")
+    ] = HEIGHT,
+    margin: Annotated[float, typer.Option(help="Drawings: reach of ground and ceiling beyond the walls [m].")] = MARGIN,
+    frequency: Annotated[
+        float, typer.Option(help=".xml: where materials unknown to the ray tracer are evaluated [Hz].")
+    ] = FREQUENCY,
+) -> None:
+    """Write a map in another format, or give it its place on earth.
+
+    GeoJSON of a map with an origin is in WGS 84. The origin is kept by all formats of maps. The .xml is a
+    scene for Sionna RT (Mitsuba 3).
+    """
+    from dataclasses import replace
+
+    from erm.environment import Environment
+    from erm.georeference import Georeference
+
+    if origin is None and (origin_height or heading):
+        raise typer.BadParameter("--origin-height and --heading need --origin LATITUDE LONGITUDE")
+    place = Environment.read(environment)
+    if origin is not None:
+        place = replace(place, georeference=Georeference(*origin, origin_height, heading))
+    place.write(out, height=height, margin=margin, frequency=frequency)
+    kinds = place.reflectors["kind"].values.tolist()
+    print(f"{out}: {kinds.count('wall')} walls and {kinds.count('pole')} poles")
