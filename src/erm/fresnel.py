@@ -1,7 +1,8 @@
 """What a surface does to a wave: Fresnel reflection of its two polarisations, and roughness."""
 
 import numpy as np
-from scipy.constants import c
+
+from erm.constants import c
 
 
 def fresnel(cosine: np.ndarray, permittivity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.constants import c
 
+from erm.constants import c
 from erm.errors import DataError
 from erm.storage import atomic_path, open_group
 

@@ -1,8 +1,8 @@
 """Field carried along a known polyline: spreading, Fresnel, roughness, polarisation, phase."""
 
 import numpy as np
-from scipy.constants import c
 
+from erm.constants import c
 from erm.fresnel import fresnel, reflect_field, roughness_factor
 
 POLARIZATIONS = ("vertical", "horizontal")

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.constants import c
 
+from erm.constants import c
 from erm.environment import Environment, Slab, make_reflectors
 from erm.geometry import unit
 from erm.merge import merge

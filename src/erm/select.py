@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from scipy.constants import c
 
 from erm import geometry
+from erm.constants import c
 from erm.errors import DataError
 from erm.geometry import FloatArray, angle_difference
 from erm.mpc_table import path_length

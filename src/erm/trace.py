@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.constants import c
 
+from erm.constants import c
 from erm.environment import Environment
 from erm.errors import DataError
 from erm.faces import CEILING, GROUND, NO_BOUNCE, Faces, clear, faces_of

@@ -3,8 +3,8 @@
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.constants import c
 
+from erm.constants import c
 from sounder.calibration import Deembedding
 from sounder.config import Sounder
 from sounder.kernels import component

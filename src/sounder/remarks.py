@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
-from scipy.constants import c
 
+from erm.constants import c
 from sounder.correlate import Problem
 from sounder.recording import Recording
 
