@@ -57,7 +57,7 @@ def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
 
 def clipped(captures: Captures) -> float:
     """Share of the numbers of int16 captures at the ends of the converter's range."""
-    return count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1))[0] / captures.size
+    return count_rails(captures)[0] / captures.size
 
 
 def impulse_responses(
@@ -188,7 +188,7 @@ class _Blocks:
         for first in range(0, self._recording.snapshots, self._step):
             captures = self._recording.captures(*self._place, slice(first, first + self._step))
             if captures.dtype == np.int16:
-                rails, signal = count_rails(np.ascontiguousarray(captures, np.int16).reshape(-1))
+                rails, signal = count_rails(captures)
                 self._rails += rails
                 self._numbers += captures.size
                 self.signal = self.signal or signal

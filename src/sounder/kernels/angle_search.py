@@ -5,7 +5,7 @@ import math
 from sounder.kernels import beam_fit
 from sounder.kernels.beam_fit import fit_angles
 from sounder.kernels.compile import part
-from sounder.kernels.component import AMPLITUDE_SPREAD, ELEVATION_SPREAD, NEAR, STARTS, Real, Work
+from sounder.kernels.component import ALONE, AMPLITUDE_SPREAD, ELEVATION_SPREAD, NEAR, STARTS, Real, Work
 from sounder.kernels.delay_fit import magnitude_variance
 from sounder.kernels.view import (
     AROUND,
@@ -31,7 +31,7 @@ CLEARLY = 0.25
 MOSTLY = 0.3
 """Residual power, relative to all, under which a direction of the main lobe is not given up for one of the sidelobes:
 two paths that are not told apart fit neither, and a path that only sidelobes see is far from fitting the main lobe."""
-EXPLORE, SETTLE = 8, 20
+EXPLORE, SETTLE = 8.0, 20.0
 """Most steps of a fit from one of several starts, and of the last from the best of them."""
 SURELY = 1.0
 """By how much, in units of the noise power over the pattern's amplitude out there, it must be smaller besides. Just
@@ -40,12 +40,12 @@ have to be 20 dB stronger than it looks, 10."""
 
 
 @part
-def search_angles(b: int, view: View, work: Work, row: Real, alone: bool) -> None:
+def search_angles(b: int, view: View, work: Work, row: Real) -> None:
     """Fit the angles; at the edge of the fan from several directions. ``work.bounds`` are those of the best fit.
 
     Beyond the edge the pattern's floor makes further minima: start from several angles, the beam's own first, and that
     one kept within half its power. One further out must fit clearly and surely better: neither interference nor noise
-    must turn a weak path into a strong one out there. And where a path is ``alone``, no remainder of a stronger one,
+    must turn a weak path into a strong one out there. And where a path is alone, no remainder of a stronger one,
     it must be one that the main lobe does not fit at all. What is not excluded by three deviations is an error of the
     result, and how far it lies is kept in ``row``.
     """
@@ -86,7 +86,7 @@ def search_angles(b: int, view: View, work: Work, row: Real, alone: bool) -> Non
             if accepted and cost < inside:
                 inside = cost
         else:
-            explained = alone and inside < MOSTLY * power and seen < view.limits[MAIN_LOBE]
+            explained = row[ALONE] > 0.0 and inside < MOSTLY * power and seen < view.limits[MAIN_LOBE]
             accepted = surely and cost < CLEARLY * inside and not explained
         if start == 0:
             first = angles[1]

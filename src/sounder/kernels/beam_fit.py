@@ -26,7 +26,7 @@ RESULTS = 10
 
 @part
 def fit_angles(
-    view: View, magnitude: Real, near: Integers, noise: float, bounds: Real, free: Real, steps: int, fit: Real
+    view: View, magnitude: Real, near: Integers, noise: float, bounds: Real, free: Real, steps: float, fit: Real
 ) -> float:
     """Fit ``magnitude[i] = a g_i(azimuth, elevation)`` by least squares (Levenberg-Marquardt).
 
@@ -45,8 +45,8 @@ def fit_angles(
         Lowest and highest azimuth, lowest and highest elevation [degree].
     free : array (2,)
         1 for an angle to be fitted; one with 0 stays at its start.
-    steps : int
-        Most steps.
+    steps : float
+        Most steps; a literal int would have this compiled for every number.
     fit : array (RESULTS,)
         Holds the first azimuth and elevation [degree]; filled with azimuth, elevation, a, their variances and
         covariances, and the variance of the residuals over that of the noise (NaN without residuals or noise).
@@ -69,7 +69,7 @@ def fit_angles(
     down_a, down_e = sums[DOWN_A], sums[DOWN_E]
     energy, mean_a, mean_e = sums[SUM_G2], sums[MEAN_A], sums[MEAN_E]
     damping = 1e-3
-    for _ in range(steps):
+    for _ in range(int(steps)):
         aa, ee = normal_aa * (1.0 + damping), normal_ee * (1.0 + damping)
         determinant = aa * ee - normal_ae * normal_ae
         if determinant <= 0.0:

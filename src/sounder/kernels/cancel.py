@@ -10,7 +10,9 @@ import numpy as np
 
 from sounder.kernels.compile import jit, part
 from sounder.kernels.component import (
+    ALONE,
     AMPLITUDE,
+    ANEW,
     AZIMUTH,
     BEAM,
     DELAY,
@@ -64,6 +66,7 @@ def cancel(
         False where peaks were left when ``found`` was full.
     """
     n_beams, n_delays = beams.shape
+    period = float(n_delays)
     n_blocks = search.peak.shape[1]
     capacity = found.shape[0]
     for b in range(n_beams):
@@ -79,7 +82,8 @@ def cancel(
         row = found[count]
         row[BEAM], row[DELAY] = b, k
         row[AZIMUTH], row[AMPLITUDE] = view.beam[b, LOOK_AZIMUTH], 0.0
-        fit(beams, view, work, row, True, _alone(found, count + 1, count, reach, n_delays))
+        row[ANEW], row[ALONE] = 1.0, _alone(found, count + 1, count, reach, period)
+        fit(beams, view, work, row)
         if effort[TAKES]:
             take(beams, view, limits.margin, work, row, taken, count)
             row[LEFT_OVER] = power_around(beams, b, row[DELAY])
@@ -87,7 +91,7 @@ def cancel(
         for copy in range(limits.artefact.shape[0]):
             search_around(beams, limits, work, search, row[DELAY] + limits.artefact[copy, OFFSET])
         search.ghost[b, k] = np.inf
-        if _within_another(found, count, limits.resolution, n_delays):
+        if _within_another(found, count, limits.resolution, period):
             search_around(beams, limits, work, search, row[DELAY])
             continue
         count += 1
@@ -95,22 +99,23 @@ def cancel(
         # groups again at once, before their remainders are searched.
         for _ in range(effort[TOGETHER]):
             for i in range(count):
-                if _share(found[i], row, reach, n_delays):
-                    fit_again(beams, view, limits.margin, work, found[i], taken, i, False, False)
+                if _share(found[i], row, reach, period):
+                    found[i, ANEW] = 0.0
+                    fit_again(beams, view, limits.margin, work, found[i], taken, i)
         for i in range(count):
-            if _share(found[i], row, reach, n_delays):
+            if _share(found[i], row, reach, period):
                 search_around(beams, limits, work, search, found[i, DELAY])
     b, block = highest(search.peak)
     complete = search.peak[b, block] <= 0.0
     for turn in range(effort[PASSES]):
         for i in range(count):
-            alone = _alone(found, count, i, reach, n_delays)
-            fit_again(beams, view, limits.margin, work, found[i], taken, i, turn == 0, alone)
-    return _keep(found, count, view, limits, work, n_delays), complete
+            found[i, ANEW], found[i, ALONE] = turn == 0, _alone(found, count, i, reach, period)
+            fit_again(beams, view, limits.margin, work, found[i], taken, i)
+    return _keep(found, count, view, limits, work, period), complete
 
 
 @part
-def _keep(found: Real, count: int, view: View, limits: Limits, work: Work, period: int) -> int:
+def _keep(found: Real, count: int, view: View, limits: Limits, work: Work, period: float) -> int:
     """Move the paths that still exceed the threshold to the front; fitted again, some turn out to be others' parts."""
     kept = 0
     for i in range(count):
@@ -123,7 +128,7 @@ def _keep(found: Real, count: int, view: View, limits: Limits, work: Work, perio
 
 
 @part
-def _is_copy(found: Real, count: int, i: int, view: View, limits: Limits, work: Work, period: int) -> bool:
+def _is_copy(found: Real, count: int, i: int, view: View, limits: Limits, work: Work, period: float) -> bool:
     """Tell whether a path is what the instrument makes of another."""
     b = int(found[i, BEAM])
     seen = found[i, AMPLITUDE] * found[i, OFF_BORESIGHT]
@@ -139,34 +144,34 @@ def _is_copy(found: Real, count: int, i: int, view: View, limits: Limits, work: 
 
 
 @part
-def _share(row: Real, other: Real, azimuth: float, period: int) -> bool:
+def _share(row: Real, other: Real, azimuth: float, period: float) -> bool:
     """Tell whether two paths are fitted to samples that both are in."""
-    return _apart(row[DELAY], other[DELAY], period) < SHARED and _apart(row[AZIMUTH], other[AZIMUTH], 360) < azimuth
+    return _apart(row[DELAY], other[DELAY], period) < SHARED and _apart(row[AZIMUTH], other[AZIMUTH], 360.0) < azimuth
 
 
 @part
-def _alone(found: Real, count: int, i: int, azimuth: float, period: int) -> bool:
-    """Tell whether no stronger path shares samples with this one."""
+def _alone(found: Real, count: int, i: int, azimuth: float, period: float) -> float:
+    """1 where no stronger path shares samples with this one, else 0."""
     for j in range(count):
         if j != i and found[j, AMPLITUDE] >= found[i, AMPLITUDE] and _share(found[j], found[i], azimuth, period):
-            return False
-    return True
+            return 0.0
+    return 1.0
 
 
 @part
-def _apart(x: float, y: float, period: int) -> float:
+def _apart(x: float, y: float, period: float) -> float:
     """Distance of two numbers on a circle."""
     late = abs(x - y) % period
     return period - late if 2 * late > period else late
 
 
 @part
-def _within_another(found: Real, count: int, resolution: Real, period: int) -> bool:
+def _within_another(found: Real, count: int, resolution: Real, period: float) -> bool:
     row = found[count]
     for i in range(count):
         if (
             _apart(found[i, DELAY], row[DELAY], period) < resolution[0]
-            and _apart(found[i, AZIMUTH], row[AZIMUTH], 360) < resolution[1]
+            and _apart(found[i, AZIMUTH], row[AZIMUTH], 360.0) < resolution[1]
             and abs(found[i, ELEVATION] - row[ELEVATION]) < resolution[2]
         ):
             return True

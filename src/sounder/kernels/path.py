@@ -9,6 +9,7 @@ from sounder.kernels.compile import part
 from sounder.kernels.component import (
     AMPLITUDE,
     AMPLITUDE_SPREAD,
+    ANEW,
     AZIMUTH,
     BEAM,
     DELAY,
@@ -32,23 +33,22 @@ from sounder.kernels.view import NOISE, OVER, View, aim, pattern
 
 
 @part
-def fit(beams: Beams, view: View, work: Work, row: Real, anew: bool, alone: bool) -> None:
+def fit(beams: Beams, view: View, work: Work, row: Real) -> None:
     """Delay and angles from the beam that a path was found in and its neighbours, each given the other.
 
-    ``row`` holds the beam and a first delay and, unless they are to be searched ``anew``, the angles; ``alone`` tells
-    that no stronger path is in its samples. With a phase of
+    ``row`` holds the beam and a first delay and, unless they are to be searched anew, the angles. With a phase of
     its own in every beam, the likelihood is largest where ``sum_b g_b |c_b(delay)|`` is, ``c_b`` being the output of
     the matched filter and ``g_b`` the pattern.
     """
     b = int(row[BEAM])
     delay = row[DELAY]
     angles = work.fit
-    if anew:
+    if row[ANEW] > 0.0:
         work.near[0], work.near[1], work.weight[0] = b, -1, 1.0
         delay = climb(beams, view, work, delay, 0.5)
         neighbours(b, view, work)
         measure(beams, view, work, delay)
-        search_angles(b, view, work, row, alone)
+        search_angles(b, view, work, row)
     else:
         neighbours(b, view, work)
         angles[beam_fit.AZIMUTH], angles[beam_fit.ELEVATION] = row[AZIMUTH], row[ELEVATION]
@@ -91,14 +91,12 @@ def take(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: 
 
 
 @part
-def fit_again(
-    beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int, anew: bool, alone: bool
-) -> None:
+def fit_again(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int) -> None:
     """Put path ``i`` back and fit it to what the others left."""
     first = sample(view.pulse, view.grid[OVER], row[DELAY], work.pulse)
     for b in range(beams.shape[0]):
         if taken[i, b] != 0:
-            add(beams, b, first, work.pulse, taken[i, b])
-    fit(beams, view, work, row, anew, alone)
+            add(beams, b, first, work.pulse, 1.0 * taken[i, b])  # in double precision, as `take` adds it
+    fit(beams, view, work, row)
     take(beams, view, margin, work, row, taken, i)
     row[LEFT_OVER] = power_around(beams, int(row[BEAM]), row[DELAY])

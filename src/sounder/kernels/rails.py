@@ -3,18 +3,25 @@
 import numpy as np
 import numpy.typing as npt
 
+from sounder.kernels.captures import Captures
 from sounder.kernels.compile import jit
 
 
-@jit
-def count_rails(flat: npt.NDArray[np.int16]) -> tuple[int, bool]:
+def count_rails(captures: Captures) -> tuple[int, bool]:
     """Count the int16 numbers at -32768 or 32767, and tell whether any is not zero.
 
     Parameters
     ----------
-    flat : array (number,)
+    captures : array int16 (...)
         I and Q of any number of captures.
     """
+    flat = np.ascontiguousarray(captures, np.int16).reshape(-1).view()
+    flat.flags.writeable = False  # as mapped files are: the kernel is compiled for one type of array
+    return _count(flat)
+
+
+@jit
+def _count(flat: npt.NDArray[np.int16]) -> tuple[int, bool]:
     count = 0
     bits = np.int16(0)
     for k in range(flat.size):

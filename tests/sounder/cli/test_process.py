@@ -124,3 +124,28 @@ def test_in_a_pipe_there_is_the_result_alone(copied):
     assert done.stderr == ""
     assert done.stdout == f"{copied / 'out'}: 1 products\n"
     assert done.returncode == 0
+
+
+SIGNATURES = """
+import sys
+from sounder.cli import main
+try:
+    main()
+except SystemExit as stop:
+    assert not stop.code, stop.code
+seen = 0
+for name in [name for name in sys.modules if name.startswith("sounder.kernels.")]:
+    for function in vars(sys.modules[name]).values():
+        if hasattr(function, "signatures") and not function.targetoptions.get("no_cpython_wrapper"):
+            assert len(function.signatures) <= 1, (function, function.signatures)
+            seen += len(function.signatures)
+assert seen > 2, seen
+"""
+
+
+def test_a_run_has_no_kernel_compiled_twice(campaign, tmp_path):
+    """Files are mapped read-only and a back-to-back is read into memory; the kernels must not see the difference."""
+    arguments = ("process", campaign / "raw" / "RX1.h5", "--calibration", campaign / "back-to-back.h5")
+    command = [sys.executable, "-W", "error", "-c", SIGNATURES, *map(str, arguments), "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
