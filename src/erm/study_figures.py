@@ -1,0 +1,122 @@
+"""Figures of studies: sensed points against true ones, sectors in a DAPS. Saving is the caller's business."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from erm.explain import Sector
+from erm.figures import PALETTE, draw_points, draw_segments, fit_frame, new_axes
+from erm.geometry import FloatArray
+from erm.letter import published
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.projections.polar import PolarAxes
+
+DIRECT = "#d55e00"
+SECTORS = ("#009e73", "#cc79a7", "#f0e442", "#56b4e9", "#e69f00", "#0072b2", "#999999", "#000000")
+RIM = 0.05  # share of the radius that the sectors' coloured rim takes
+
+
+def plot_sensed_points(
+    outline: FloatArray,
+    true_points: FloatArray,
+    sensed: FloatArray,
+    *,
+    tx: FloatArray,
+    rx: FloatArray,
+    ax: "Axes | None" = None,
+) -> "Axes":
+    """Draw sensed reflection points over the true ones.
+
+    Parameters
+    ----------
+    outline : array (segment, 2 ends, 2)
+        Known faces [m].
+    true_points, sensed : array (point, 2)
+        East/north [m].
+    tx, rx : array (antenna, 2)
+        [m].
+    """
+    axes = ax or new_axes((6.4, 4.0))
+    draw_segments(axes, outline, "truth", "known outline")
+    open_square: dict[str, Any] = {"marker": "s", "s": 36, "facecolors": "none", "edgecolors": PALETTE["RP"]}
+    axes.scatter(*sensed.T, label="sensed", zorder=4, **open_square)
+    cross: dict[str, Any] = {"marker": "+", "s": 30, "color": "black", "linewidths": 0.9}
+    axes.scatter(*true_points.T, label="simulated", zorder=5, **cross)
+    draw_points(axes, rx, "RX", "RX")
+    draw_points(axes, tx, "TX", "TX")
+    fit_frame(axes, outline.reshape(-1, 2))
+    axes.set(xlabel="East (m)", ylabel="North (m)")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False, fontsize="small")
+    return axes
+
+
+def plot_sectors(sectors: Sequence[Sector], axes: "PolarAxes") -> "PolarAxes":
+    """Lay sectors over a DAPS in polar form; their legend stands beside it.
+
+    Parameters
+    ----------
+    sectors : sequence of Sector
+        From `erm.explain.sectors`.
+    axes : matplotlib.projections.polar.PolarAxes
+        Of which the radius is set already.
+    """
+    outer = axes.get_rmax()
+    axes.set_rmax((1 + RIM) * outer)
+    reflectors = [name for name in dict.fromkeys(sector.name for sector in sectors) if name != "direct"]
+    colours = {"direct": DIRECT} | {name: SECTORS[i % len(SECTORS)] for i, name in enumerate(reflectors)}
+    for sector in sectors:
+        start, stop = np.radians([sector.start, sector.stop])
+        where: dict[str, Any] = {"x": (start + stop) / 2, "width": stop - start, "color": colours[sector.name]}
+        axes.bar(height=outer, alpha=0.15, zorder=0.5, **where)
+        axes.bar(height=RIM * outer, bottom=outer, label=f"{sector.name} ({sector.components})", **where)
+    handles, labels = axes.get_legend_handles_labels()
+    first = [labels.index(label) for label in dict.fromkeys(labels)]
+    axes.legend(
+        [handles[i] for i in first],
+        [labels[i] for i in first],
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.12),
+        ncols=5,
+        frameon=False,
+        fontsize="small",
+    )
+    return axes
+
+
+def plot_letter_points() -> "Figure":
+    """Draw the letter's published reflection points and faces: route 1 as a map, route 2 by its ordinates."""
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 5.0), layout="constrained")
+    face = published.east_north(published.EAST_BUILDING)
+    along = face[1] - face[0]
+    line = face[0] + np.array([[-0.25], [1.1]]) * along  # the printed points reach beyond the measured ones
+    points = published.east_north(published.ROUTE_1_POINTS)
+    left.plot(*line.T, color=PALETTE["truth"], linestyle="--", linewidth=1.0)
+    left.plot(*face.T, color=PALETTE["truth"], linewidth=2.0, label="east building's face")
+    draw_points(left, points, "RP", "published RP")
+    draw_points(left, np.zeros((1, 2)), "TX", "TX")
+    left.set_title("Route 1", loc="left", fontsize="medium")
+    left.set_xlabel("East (m)")
+    left.set_ylabel("North (m)")
+    left.set_aspect("equal")
+    left.set_xlim(-8, 62)
+    left.legend(loc="lower left", frameon=False, fontsize="small")
+
+    count = len(published.ROUTE_2_ORDINATES)
+    for name, south in published.CORRIDOR_WALLS.items():
+        right.axhline(-south, color=PALETTE["truth"], linewidth=2.0, zorder=1)
+        right.annotate(name, (0.6, -south), (0, 3), textcoords="offset points", fontsize="small")
+    numbered = np.column_stack([np.arange(1, count + 1), -published.ROUTE_2_ORDINATES])
+    draw_points(right, numbered, "RP", "published RP")
+    right.set_title("Route 2 (eastings are not printed)", loc="left", fontsize="medium")
+    right.set_xlabel("number of the reflection point")
+    right.set_ylabel("North (m)")
+    right.set_xlim(0.5, count + 0.5)
+    right.set_ylim(-69, -48)
+    right.legend(loc="center right", frameon=False, fontsize="small")
+    return figure
