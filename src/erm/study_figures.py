@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from erm.explain import Sector
-from erm.figures import PALETTE, draw_points, draw_segments, fit_frame, new_axes
+from erm.figures import CURVES, PALETTE, draw_points, draw_segments, fit_frame, new_axes
 from erm.geometry import FloatArray
 from erm.letter import published
 
@@ -15,8 +15,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.projections.polar import PolarAxes
 
+    from erm.letter.prediction import Prediction
+    from erm.letter.sweeps import Sweep
+
 DIRECT = "#d55e00"
 SECTORS = ("#009e73", "#cc79a7", "#f0e442", "#56b4e9", "#e69f00", "#0072b2", "#999999", "#000000")
+MEASURES = {
+    "completeness": "Completeness",
+    "point_error": "RP error (m)",
+    "wall_error": "Wall error (m)",
+}
 RIM = 0.05  # share of the radius that the sectors' coloured rim takes
 
 
@@ -85,6 +93,66 @@ def plot_sectors(sectors: Sequence[Sector], axes: "PolarAxes") -> "PolarAxes":
         fontsize="small",
     )
     return axes
+
+
+def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
+    """Draw what settings bring: a column a knob, a row a measure; dotted where the letter has it.
+
+    Parameters
+    ----------
+    sweeps : sequence of Sweep
+        From `erm.letter.sweeps.sweep`.
+    """
+    import matplotlib.pyplot as plt
+
+    shape = len(MEASURES), len(sweeps)
+    figure, grid = plt.subplots(*shape, figsize=(2.3 * shape[1] + 0.6, 5.6), sharex="col", sharey="row", squeeze=False)
+    figure.set_layout_engine("constrained")
+    for column, one in zip(grid.T, sweeps, strict=True):
+        for axes, (measure, label) in zip(column, MEASURES.items(), strict=True):
+            axes.plot(one.knob.values, [getattr(o, measure) for o in one.outcomes], "o-", color=CURVES[1], markersize=4)
+            axes.axvline(one.knob.usual, color=PALETTE["truth"], linestyle=":", linewidth=1.2, zorder=0)
+            axes.grid(alpha=0.3)
+            if axes is column[0]:
+                axes.set_ylim(0, 1.02)
+            else:
+                axes.set_yscale("log")
+            if axes in grid[:, 0]:
+                axes.set_ylabel(label)
+        if min(one.knob.values) > 0:
+            column[-1].set_xscale("log")
+        column[-1].set_xticks(one.knob.values, [f"{value:g}" for value in one.knob.values])
+        column[-1].minorticks_off()
+        if one.knob.values[0] > one.knob.values[-1]:
+            column[-1].invert_xaxis()  # effort grows to the right in every column
+        column[-1].set_xlabel(f"{one.knob.name} ({one.knob.unit})")
+    return figure
+
+
+def plot_predictions(predictions: "Sequence[Prediction]") -> "Figure":
+    """Draw how well maps of more and more positions predict a new route.
+
+    Parameters
+    ----------
+    predictions : sequence of Prediction
+        From `erm.letter.prediction.predict`.
+    """
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4), layout="constrained")
+    count = [one.positions for one in predictions]
+    left.plot(count, [one.power for one in predictions], "o-", color=CURVES[1], label="true power that is predicted")
+    left.plot(count, [one.false for one in predictions], "s--", color=CURVES[2], label="predicted power that is not")
+    left.set_ylabel("Share of the reflected power")
+    left.set_ylim(0, 1.02)
+    left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize="small")
+    right.plot(count, [one.level for one in predictions], "o-", color=CURVES[1])
+    right.set_ylabel("RMS error of the reflected power (dB)")
+    right.set_ylim(bottom=0)
+    for axes in (left, right):
+        axes.set_xlabel("Positions behind the map")
+        axes.grid(alpha=0.3)
+    return figure
 
 
 def plot_letter_points() -> "Figure":

@@ -6,7 +6,7 @@ the captures here are those of a rotating horn. From rays three things are switc
 planar reading, which takes the slant length for the horizontal one; and rays of higher order, no single bounces.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
@@ -121,9 +121,25 @@ def switches(campaign: Campaign) -> list[Switched]:
     settings = []
     for resolution, planar, higher in product((False, True), repeat=3):
         chosen = let_through if higher else single
-        error = _ray_errors(table.isel(mpc=chosen), rays.vertex[chosen], resolution=resolution, planar=planar)
+        error = _ray_errors(
+            table.isel(mpc=chosen), rays.vertex[chosen], rate=BANDWIDTH if resolution else None, planar=planar
+        )
         settings.append(Switched("from rays", error, resolution, planar, higher))
     return settings
+
+
+def grids(campaign: Campaign, finer: Sequence[int] = (1, 2, 4, 8)) -> list[Row]:
+    """Errors of reflection points sensed from first-order rays whose delays lie on grids finer than 1/B."""
+    rays = rays_of(campaign.to_order(1))
+    single = is_single_wall_bounce(campaign, rays)
+    table = _as_table(campaign, rays).isel(mpc=single)
+    return [
+        Row(
+            f"1/({BANDWIDTH * times / 1e9:g} GHz)",
+            _ray_errors(table, rays.vertex[single], rate=BANDWIDTH * times, planar=False),
+        )
+        for times in finer
+    ]
 
 
 def sense(
@@ -152,11 +168,11 @@ def sense(
     return Sensed(rows, environment, kept, truth, accepted.sizes["mpc"], false, measured.snr)
 
 
-def _ray_errors(table: "xr.Dataset", vertex: FloatArray, *, resolution: bool, planar: bool) -> FloatArray:
+def _ray_errors(table: "xr.Dataset", vertex: FloatArray, *, rate: float | None, planar: bool) -> FloatArray:
     """Distances in plan of sensed points from the rays' (ray, xyz) [m], where there is a face."""
     delay = table["delay"].values
-    if resolution:
-        delay = np.rint(delay * BANDWIDTH) / BANDWIDTH
+    if rate is not None:
+        delay = np.rint(delay * rate) / rate
     point, _ = reflection_point(*_ends(table), delay * c, table["azimuth"].values, planar=planar)
     error = np.linalg.norm(point - vertex[:, :2], axis=1)
     return error[np.isfinite(error)]

@@ -45,6 +45,8 @@ class Study:
     face : array (mpc,)
         Reflector of the true environment that each component bounced off; -1 for all that are no single bounces off a
         wall.
+    snr : float
+        Median over the components of power over noise [dB].
     """
 
     campaign: Campaign
@@ -53,6 +55,7 @@ class Study:
     environment: Environment
     table: "xr.Dataset"
     face: IntArray
+    snr: float
 
     @property
     def on_walls(self) -> npt.NDArray[np.bool_]:
@@ -80,7 +83,7 @@ def study(
     ray = behind(table, campaign, rays)
     single = (ray != NO_PATH) & is_single_wall_bounce(campaign, rays)[ray]
     face = np.where(single, rays.reflector[ray], -1)
-    return Study(campaign, measured.mpcs, measured.daps, environment, table, face)
+    return Study(campaign, measured.mpcs, measured.daps, environment, table, face, measured.snr)
 
 
 def perpendicular_errors(studied: Study, chosen: npt.NDArray[np.bool_]) -> dict[str, FloatArray]:

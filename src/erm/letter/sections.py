@@ -1,6 +1,6 @@
 """What the page says of each of the letter's studies: text and tables around numbers computed elsewhere."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -9,11 +9,11 @@ from erm.evaluate import summary
 from erm.explain import explain, names_of, sectors
 from erm.figures import plot_error_cdf, plot_map
 from erm.geometry import FloatArray
-from erm.letter import published, room, routes
+from erm.letter import published, routes
 from erm.letter.captures import Campaign, Captures
 from erm.letter.page import Page
 from erm.outline import outline_of
-from erm.study_figures import plot_letter_points, plot_sectors, plot_sensed_points
+from erm.study_figures import plot_letter_points, plot_sectors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +23,6 @@ ERRORS = ("min", "max", "mean", "std", "rmse")
 HEADS = ["min [m]", "max [m]", "mean [m]", "std [m]", "RMSE [m]"]
 OVERLAID = (("Route 1", "RX2_L", "RX9_L"), ("Route 2", "RX2_N", "RX3_N"))
 SHOWN = ((("Route 1", "Route 2"), "routes_1_2"), (("Route 3", "Route 4"), "routes_3_4"))
-ROOM_BARS = {"mean": 0.005, "rmse": 0.010}  # m
 ROUTE_BAR, TIMES_BAR = 0.05, 20.0  # m; ratio
 
 
@@ -31,22 +30,18 @@ def opening(page: Page) -> None:
     """Say what the page is, and how the letter must be read."""
     page.add(
         "# The letter, reproduced and overtaken",
-        "Every number of *Environment Reconstruction with Multi-targets Reflectors-merged Sensing Method Based on THz "
-        "Single-sided Channel Characteristics* (Chang et al.) that this software can compute stands here beside its "
-        "own. "
-        "Captures are synthetic: traced paths, carried through a twin of the instrument with its noise and faults, and "
-        "processed from the raw samples alone.",
+        "Every number of *Environment Reconstruction with Multi-targets Reflectors-merged Sensing Method Based on "
+        "THz Single-sided Channel Characteristics* (Chang et al.) that this software can compute stands here beside "
+        "its own. Captures are synthetic: traced paths, carried through a twin of the instrument with its noise and "
+        "faults, and processed from the raw samples alone.",
         "How the print must be read:",
         "- **What the letter calls RMSE is the standard deviation** of the error: an RMSE cannot be below the mean. "
-        "True "
-        "RMSE stands in its own column here.\n"
+        "True RMSE stands in its own column here.\n"
         "- **Its formula of D_Error has three slips**: a plus sign for a minus, `b_a` for `b_L`, and no square root. "
-        "The "
-        "distance is `|y - a x - b| / sqrt(1 + a^2)`; the printed points give the printed errors only so. (Its face "
-        "`L(x) = a_L x + a_L` likewise reads `a x + b`.)\n"
+        "The distance is `|y - a x - b| / sqrt(1 + a^2)`; the printed points give the printed errors only so. (Its "
+        "face `L(x) = a_L x + a_L` likewise reads `a x + b`.)\n"
         "- **Its equations are planar** but take the slant length of the path. With heights of 28.4 and 1.4 m that "
-        "alone "
-        "moves the reflection points by metres.\n"
+        "alone moves the reflection points by metres.\n"
         '- The plaster\'s "correlation length 0.15, height standard deviation 1.7" are read as swapped, in mm.',
     )
 
@@ -63,10 +58,9 @@ def set_ups(page: Page, simulation: Campaign, measurement: Campaign) -> None:
         ],
     )
     page.add(
-        "The letter's simulation has an omnidirectional receiver, whose azimuths of arrival come from the ray tracer. "
-        "A "
-        "capture holds no azimuth unless an antenna turns, so the captures of the room are those of the measurement's "
-        "horn, moved to 300 GHz; the transmitter is omnidirectional, 0 dBi, as printed."
+        "The letter's simulation has an omnidirectional receiver, whose azimuths of arrival come from the ray "
+        "tracer. A capture holds no azimuth unless an antenna turns, so the captures of the room are those of the "
+        "measurement's horn, moved to 300 GHz; the transmitter is omnidirectional, 0 dBi, as printed."
     )
     distance = {link.name: link.distance for link in measurement.links}
     off = {
@@ -79,60 +73,6 @@ def set_ups(page: Page, simulation: Campaign, measurement: Campaign) -> None:
             [route, len(positions), f"{min(positions.values())}–{max(positions.values())}", off[route]]
             for route, positions in published.TABLE_2.items()
         ],
-    )
-
-
-def ray_tracing(page: Page, switched: Sequence[room.Switched], sensed: Mapping[str, room.Sensed]) -> None:
-    """Fig. 2: the L-shaped room."""
-    page.add("## Ray-tracing verification (Fig. 2)", _room_words(switched))
-    printed = published.ROOM_ERRORS
-    names = ("min", "max", "mean", "rmse")
-    page.table(
-        ["from rays: resolution 1/B", "planar reading", "higher order", "points", *HEADS[:3], HEADS[4], "under 0.02 m"],
-        [
-            ["letter, printed", None, None, None, *(printed[name] for name in names), "85 %"],
-            *([one.resolution, one.planar, one.higher, *_room_cells(one)] for one in switched),
-        ],
-    )
-    page.add(
-        f"From captures, for the MPCs of first order; wanted of ours, merged: mean at most {ROOM_BARS['mean']} m, "
-        f"RMSE at "
-        f"most {ROOM_BARS['rmse']} m."
-    )
-    page.table(
-        ["captures", "method", "points", *HEADS[:3], HEADS[4], "under 0.02 m"],
-        [
-            [f"{kind} ({one.accepted} accepted, {one.false} of them no single bounces)", row.label, *_room_cells(row)]
-            for kind, one in sensed.items()
-            for row in one.rows
-        ],
-    )
-
-
-def room_figures(page: Page, campaign: Campaign, sensed: Mapping[str, room.Sensed]) -> None:
-    """Layout with simulated and sensed points, and the CDF of their distances."""
-    kind, shown = next(iter(sensed.items()))
-    rx = np.array([link.rx[:2] for link in campaign.links])
-    tx = np.unique([link.tx[:2] for link in campaign.links], axis=0)
-    axes = plot_sensed_points(
-        outline_of(campaign.environment),
-        shown.true_points,
-        shown.table["wall_point"].values[:, :2],
-        tx=tx,
-        rx=rx,
-    )
-    page.figure(
-        "room",
-        axes,
-        f"The L-shaped room in plan: {len(shown.true_points)} reflection points of the rays (simulated) and of the "
-        f"merged "
-        f"walls (sensed), from captures {kind} at {len(rx)} positions of the RX.",
-    )
-    page.figure(
-        "room_cdf",
-        plot_error_cdf({row.label: row.error for row in shown.rows}),
-        f"Distance between the sensed and the simulated point in plan: the same {len(shown.true_points)} MPCs by three "
-        f"methods, from captures {kind}. The letter prints a mean of 0.02 m and an RMSE of 0.03 m.",
     )
 
 
@@ -151,8 +91,7 @@ def reconstruction(page: Page, studied: routes.Study) -> None:
             name,
             plot_map(shown, table=table, outline=outline, names=[names[i] for i in used]),
             f"{' and '.join(pair)}: {len(used)} reflectors from {int(table.accepted.sum())} reflection points at "
-            f"{count} "
-            f"positions of the RX, over the known outline.{_corridor(studied) if 'Route 2' in pair else ''}",
+            f"{count} positions of the RX, over the known outline.{_corridor(studied) if 'Route 2' in pair else ''}",
         )
 
 
@@ -162,10 +101,8 @@ def errors(page: Page, studied: routes.Study, by_route: Mapping[str, Mapping[str
         "## Errors (Fig. 4b, Table 3)",
         "The distance of each reflection point to the line of the face that reflected it. (a) is recomputed from the "
         "points that the letter prints; (b), (c) and (d) are the same MPCs of the twin's captures, by the letter's "
-        "planar "
-        "equations, by ours, and on our merged walls. The letter's environment is not ours, so (a) and (b) need not "
-        "agree: "
-        "what (b) shows is the part of such an error that the planar reading makes by itself.",
+        "planar equations, by ours, and on our merged walls. The letter's environment is not ours, so (a) and (b) "
+        "need not agree: what (b) shows is the part of such an error that the planar reading makes by itself.",
     )
     known = published.errors()
     rows: list[list[object]] = []
@@ -182,8 +119,7 @@ def errors(page: Page, studied: routes.Study, by_route: Mapping[str, Mapping[str
     page.table(["route", "method", "points", *HEADS], rows)
     page.add(
         "The points of Porch and Canyon are not printed, so (a) does not exist for them. Route 1's largest error is "
-        "3.77 m "
-        "from the printed points; the letter prints 3.76."
+        "3.77 m from the printed points; the letter prints 3.76."
     )
     page.table(
         [
@@ -202,8 +138,7 @@ def errors(page: Page, studied: routes.Study, by_route: Mapping[str, Mapping[str
     page.add(f"Accepted MPCs that are no single bounces off a wall: {false}.")
     page.add(
         "The letter selects by Eq. 4, twice the smallest reflection loss of the scenario. On the same captures, with "
-        "its "
-        "own equations, that leaves:"
+        "its own equations, that leaves:"
     )
     page.table(
         ["route", "points", *HEADS],
@@ -213,8 +148,7 @@ def errors(page: Page, studied: routes.Study, by_route: Mapping[str, Mapping[str
         "letter_points",
         plot_letter_points(),
         f"The letter's {len(published.ROUTE_1_POINTS)} printed points of route 1 and "
-        f"{len(published.ROUTE_2_ORDINATES)} "
-        "printed ordinates of route 2, with the faces they are judged by.",
+        f"{len(published.ROUTE_2_ORDINATES)} printed ordinates of route 2, with the faces they are judged by.",
     )
     joined = {
         method: np.concatenate([methods[method] for methods in by_route.values()])
@@ -234,10 +168,8 @@ def daps(page: Page, studied: routes.Study, captures: Captures) -> None:
     page.add(
         "## DAPS (Fig. 3)",
         "Sectors are computed: each MPC is given to the path through the reconstructed map that is nearest to it in "
-        "delay "
-        "and azimuth, and the MPCs of one reflector make a sector. W are walls, named as in the maps above or below; "
-        "W1+W2 "
-        "bounced off both. In brackets: how many MPCs.",
+        "delay and azimuth, and the MPCs of one reflector make a sector. W are walls, named as in the maps above or "
+        "below; W1+W2 bounced off both. In brackets: how many MPCs.",
     )
     for route, first, second in OVERLAID:
         pair = (first, second)
@@ -254,26 +186,6 @@ def daps(page: Page, studied: routes.Study, captures: Captures) -> None:
             figure,
             f"{route}: DAPS of {first} and {second}; of their {len(labels)} MPCs the map explains {known}.",
         )
-
-
-def _room_words(switched: Sequence[room.Switched]) -> str:
-    rmse = {(one.resolution, one.planar, one.higher): one.statistics["rmse"] for one in switched}
-    return (
-        "Reflection points sensed from the rays, with each approximation on and off. Without any the equations are "
-        "exact. "
-        f"Alone, the delay's resolution of 1/1.2 GHz costs an RMSE of {rmse[True, False, False]:.2f} m, the planar "
-        f"reading "
-        f"with antennas at 4 and 2 m {rmse[False, True, False]:.2f} m, rays of second order taken for first "
-        f"{rmse[False, False, True]:.2f} m. The letter's 0.03 m lie below each of them, so its rays had finer delays, "
-        f"its "
-        "delays went without the heights, and its points were of first order."
-    )
-
-
-def _room_cells(row: room.Row) -> list[object]:
-    found = row.statistics
-    small = f"{100 * found['small']:.0f} %"
-    return [int(found["count"]), *(found[name] for name in ("min", "max", "mean", "rmse")), small]
 
 
 def _error_cells(values: FloatArray) -> list[object]:
@@ -297,8 +209,7 @@ def _corridor(studied: routes.Study) -> str:
         found = ", ".join(f"{value:.2f}" for value in south) or "none"
         return (
             f" The letter's corridor is 14.9 m wide, from ordinate {walls[0]} to {walls[1]}; of its two walls the map "
-            f"has "
-            f"the one at {found}: no position received three reflections off the other."
+            f"has the one at {found}: no position received three reflections off the other."
         )
     return f" The corridor is {abs(south[1] - south[0]):.2f} m wide in the map; the letter reads 14.9 m off its own."
 

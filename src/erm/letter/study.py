@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from erm import console
-from erm.letter import published, room, routes, sections
-from erm.letter.captures import Captures, Change
+from erm.letter import outlook, prediction, published, room, routes, sections, sweeps, verification
+from erm.letter.captures import Campaign, Captures, Change
 from erm.letter.page import Page
 from erm.storage import atomic_path
 
@@ -41,14 +41,26 @@ def run(out: Path, captures: Captures) -> Path:
     for label, (campaign, change) in kinds.items():
         with console.progress(f"L-shaped room, {label}", len(campaign.links)) as advance:
             sensed[label] = room.sense(campaign, captures, change, progress=advance)
-    sections.ray_tracing(page, room.switches(simulation), sensed)
-    sections.room_figures(page, simulation, sensed)
+    verification.ray_tracing(page, room.switches(simulation), room.grids(simulation), sensed)
+    verification.figures(page, simulation, sensed)
     with console.progress("routes", len(measurement.links)) as advance:
         studied = routes.study(measurement, captures, progress=advance)
     sections.daps(page, studied, captures)
     sections.reconstruction(page, studied)
     sections.errors(page, studied, routes.errors_by_route(studied))
+    _outlook(page, measurement, captures)
     return page.write()
+
+
+def _outlook(page: Page, campaign: Campaign, captures: Captures) -> None:
+    """Sweeps and prediction."""
+    with console.progress("sweeps", sum(len(knob.values) for knob in sweeps.KNOBS)) as advance:
+        outlook.future_work(page, sweeps.sweep(campaign, captures, progress=advance))
+    dense = sweeps.along(campaign, sweeps.DENSEST, sweeps.LINES[:1])
+    with console.progress("positions to predict from", len(dense.links)) as advance:
+        mpcs = captures.measure(dense, progress=advance).mpcs
+    route = prediction.beside(dense)
+    outlook.motivation(page, prediction.predict(mpcs, dense, route), len(route.links))
 
 
 def _tables(out: Path) -> None:
