@@ -73,7 +73,9 @@ def plot_sectors(sectors: Sequence[Sector], axes: "PolarAxes") -> "PolarAxes":
         Of which the radius is set already.
     """
     outer = axes.get_rmax()
+    rings = [radius for radius in axes.get_yticks() if radius < 0.95 * outer]
     axes.set_rmax((1 + RIM) * outer)
+    axes.set_yticks(rings)
     reflectors = [name for name in dict.fromkeys(sector.name for sector in sectors) if name != "direct"]
     colours = {"direct": DIRECT} | {name: SECTORS[i % len(SECTORS)] for i, name in enumerate(reflectors)}
     for sector in sectors:
@@ -147,7 +149,7 @@ def plot_predictions(predictions: "Sequence[Prediction]") -> "Figure":
     left.set_ylim(0, 1.02)
     left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize="small")
     right.plot(count, [one.level for one in predictions], "o-", color=CURVES[1])
-    right.set_ylabel("RMS error of the reflected power (dB)")
+    right.set_ylabel("RMS error of the power (dB)")
     right.set_ylim(bottom=0)
     for axes in (left, right):
         axes.set_xlabel("Positions behind the map")

@@ -114,6 +114,8 @@ def changed(scene: Scene, change: Change) -> Scene:
         antenna |= {"pattern": "gaussian", "cut": None, "hpbw_azimuth": change.beamwidth}
         antenna["gain"] -= 10 * float(np.log10(spread))
     tables["transmitter"]["power"] += change.power
+    if change.power > 0:  # the back-to-back would clip
+        update["attenuator"] = ATTENUATION + change.power
     if not change.noise:
         update["faults"] = scene.faults.model_copy(update={"thermal_noise": None})
     if change.snapshots is not None:

@@ -84,7 +84,7 @@ def _what_pays(sweeps: Sequence[Sweep]) -> str:
     brought = gains(sweeps)
     most = {name: max(brought, key=lambda knob: brought[knob][name]) for name in next(iter(brought.values()))}
     return (
-        f"**What pays most**, over the letter's settings: for completeness {most['completeness']} "
+        f"**What pays most**, beyond the letter's settings: for completeness {most['completeness']} "
         f"({100 * brought[most['completeness']]['completeness']:+.0f} percentage points); for the RP error "
         f"{most['point_error']} ({brought[most['point_error']]['point_error']:.1f} times smaller); for the wall error "
         f"{most['wall_error']} ({brought[most['wall_error']]['wall_error']:.1f} times smaller)."

@@ -20,6 +20,7 @@ COUNTS = (3, 4, 5, 7, 9, 13, 25)
 ASIDE = (5.0, 0.0, 0.0)  # m, from the measured route to the new one
 MAX_ORDER = 2
 DELAY_GATE, AZIMUTH_GATE = 1e-9, 3.0  # s, degree; nearer than this a predicted path is the true one
+LEAST = 1e-3  # of the true power; where less is predicted the error of the level is 30 dB
 
 
 @dataclass(frozen=True)
@@ -69,27 +70,32 @@ def predict(
     counts : sequence of int
         Positions that the maps are made of.
     """
-    truth = [_reflected(route.environment, route, i) for i in range(len(route.links))]
     found = []
     for count in counts:
         spread = np.unique(np.rint(np.linspace(0, len(measured.links) - 1, count)).astype(int))
         names = [measured.links[i].name for i in spread]
         chosen = table.isel(mpc=np.flatnonzero(np.isin(table["position"].values, names)))
         environment, _ = reconstruct(select(chosen))
-        scores = [_score(true, _reflected(environment, route, i)) for i, true in enumerate(truth)]
-        there, hit, false, predicted = np.array(scores).T
-        seen = there > 0
-        error = 10 * np.log10(np.maximum(predicted[seen], 1e-3 * there[seen]) / there[seen])
-        found.append(
-            Prediction(
-                positions=len(spread),
-                walls=environment.reflectors.sizes["reflector"],
-                power=float(np.mean(hit[seen] / there[seen])),
-                false=float(np.mean(false[seen] / there[seen])),
-                level=float(np.sqrt(np.mean(error**2))),
-            )
-        )
+        found.append(judge(environment, route, len(spread)))
     return found
+
+
+def judge(environment: Environment, route: Campaign, positions: int) -> Prediction:
+    """Judge a map of some positions by what it predicts along a route."""
+    scores = []
+    for index in range(len(route.links)):
+        true, predicted = (_reflected(place, route, index) for place in (route.environment, environment))
+        if len(true):
+            scores.append(_score(true, predicted))
+    there, hit, false, level = np.array(scores).T
+    error = 10 * np.log10(np.maximum(level / there, LEAST))
+    return Prediction(
+        positions=positions,
+        walls=environment.reflectors.sizes["reflector"],
+        power=float(np.mean(hit / there)),
+        false=float(np.mean(false / there)),
+        level=float(np.sqrt(np.mean(error**2))),
+    )
 
 
 def _reflected(environment: Environment, route: Campaign, index: int) -> FloatArray:

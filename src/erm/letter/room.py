@@ -19,8 +19,8 @@ from erm.evaluate import summary
 from erm.fresnel import fresnel, roughness_factor
 from erm.geometry import FloatArray, reflection_point
 from erm.letter.captures import Campaign, Captures, Change
-from erm.letter.truth import NO_PATH, Rays, behind, is_single_wall_bounce, rays_of
-from erm.mpc_table import make_table, path_length
+from erm.letter.truth import NO_PATH, as_table, behind, is_single_wall_bounce, rays_of
+from erm.mpc_table import path_length
 from erm.reconstruct import reconstruct
 from erm.select import select
 
@@ -115,7 +115,7 @@ def switches(campaign: Campaign) -> list[Switched]:
     loss than a single bounce may have.
     """
     rays = rays_of(campaign.to_order(HIGHER))
-    table = _as_table(campaign, rays)
+    table = as_table(campaign, rays)
     single = is_single_wall_bounce(campaign, rays)
     let_through = select(table, threshold="fixed", max_reflection_loss=largest_loss(campaign))["accepted"].values
     settings = []
@@ -132,7 +132,7 @@ def grids(campaign: Campaign, finer: Sequence[int] = (1, 2, 4, 8)) -> list[Row]:
     """Errors of reflection points sensed from first-order rays whose delays lie on grids finer than 1/B."""
     rays = rays_of(campaign.to_order(1))
     single = is_single_wall_bounce(campaign, rays)
-    table = _as_table(campaign, rays).isel(mpc=single)
+    table = as_table(campaign, rays).isel(mpc=single)
     return [
         Row(
             f"1/({BANDWIDTH * times / 1e9:g} GHz)",
@@ -176,23 +176,6 @@ def _ray_errors(table: "xr.Dataset", vertex: FloatArray, *, rate: float | None, 
     point, _ = reflection_point(*_ends(table), delay * c, table["azimuth"].values, planar=planar)
     error = np.linalg.norm(point - vertex[:, :2], axis=1)
     return error[np.isfinite(error)]
-
-
-def _as_table(campaign: Campaign, rays: Rays) -> "xr.Dataset":
-    """Rays as a table of components without errors."""
-    link = [campaign.links[index] for index in rays.link]
-    return make_table(
-        {
-            "position": np.array([one.name for one in link]),
-            "tx_position": np.array([one.tx for one in link]),
-            "rx_position": np.array([one.rx for one in link]),
-            "frequency": campaign.frequency,
-            "delay": rays.delay,
-            "azimuth": rays.azimuth,
-            "elevation": rays.elevation,
-            "path_gain": rays.path_gain,
-        }
-    )
 
 
 def _ends(table: "xr.Dataset") -> tuple[npt.NDArray, npt.NDArray]:

@@ -64,7 +64,7 @@ def set_ups(page: Page, simulation: Campaign, measurement: Campaign) -> None:
     )
     distance = {link.name: link.distance for link in measurement.links}
     off = {
-        route: max(abs(distance[name] - printed) for name, printed in positions.items())
+        route: max(abs(distance[name] - printed) for name, printed in positions.items() if name in distance)
         for route, positions in published.TABLE_2.items()
     }
     page.table(

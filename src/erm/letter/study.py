@@ -1,5 +1,6 @@
 """The whole study: from simulation to the page."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from erm import console
@@ -11,7 +12,7 @@ from erm.storage import atomic_path
 PAGE = "letter.md"
 
 
-def run(out: Path, captures: Captures) -> Path:
+def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.KNOBS) -> Path:
     """Redo the letter's studies and write the page.
 
     Parameters
@@ -21,6 +22,8 @@ def run(out: Path, captures: Captures) -> Path:
         alone (``table_3.csv``, ``reflection_points.csv``).
     captures : Captures
         The instrument.
+    knobs : sequence of Knob
+        Settings to sweep.
 
     Returns
     -------
@@ -48,14 +51,14 @@ def run(out: Path, captures: Captures) -> Path:
     sections.daps(page, studied, captures)
     sections.reconstruction(page, studied)
     sections.errors(page, studied, routes.errors_by_route(studied))
-    _outlook(page, measurement, captures)
+    _outlook(page, measurement, captures, knobs)
     return page.write()
 
 
-def _outlook(page: Page, campaign: Campaign, captures: Captures) -> None:
+def _outlook(page: Page, campaign: Campaign, captures: Captures, knobs: Sequence[sweeps.Knob]) -> None:
     """Sweeps and prediction."""
-    with console.progress("sweeps", sum(len(knob.values) for knob in sweeps.KNOBS)) as advance:
-        outlook.future_work(page, sweeps.sweep(campaign, captures, progress=advance))
+    with console.progress("sweeps", sum(len(knob.values) for knob in knobs)) as advance:
+        outlook.future_work(page, sweeps.sweep(campaign, captures, knobs, progress=advance))
     dense = sweeps.along(campaign, sweeps.DENSEST, sweeps.LINES[:1])
     with console.progress("positions to predict from", len(dense.links)) as advance:
         mpcs = captures.measure(dense, progress=advance).mpcs

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from erm.geometry import FloatArray, angle_difference
 from erm.letter.captures import Campaign
+from erm.mpc_table import make_table
 from erm.trace import trace
 
 if TYPE_CHECKING:
@@ -42,6 +43,23 @@ def rays_of(campaign: Campaign) -> Rays:
         seen = [paths["reflector"].values[rows, last], paths["vertices"].values[rows, last]]
         parts.append([np.full(len(order), index), *columns, order, *seen])
     return Rays(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def as_table(campaign: Campaign, rays: Rays) -> "xr.Dataset":
+    """Rays as an MPC table: components without errors."""
+    link = [campaign.links[index] for index in rays.link]
+    return make_table(
+        {
+            "position": np.array([one.name for one in link]),
+            "tx_position": np.array([one.tx for one in link]),
+            "rx_position": np.array([one.rx for one in link]),
+            "frequency": campaign.frequency,
+            "delay": rays.delay,
+            "azimuth": rays.azimuth,
+            "elevation": rays.elevation,
+            "path_gain": rays.path_gain,
+        }
+    )
 
 
 def behind(table: "xr.Dataset", campaign: Campaign, rays: Rays) -> IntArray:
