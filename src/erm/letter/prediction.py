@@ -70,23 +70,30 @@ def predict(
     counts : sequence of int
         Positions that the maps are made of.
     """
+    truth = reflected(route.environment, route)
     found = []
     for count in counts:
         spread = np.unique(np.rint(np.linspace(0, len(measured.links) - 1, count)).astype(int))
         names = [measured.links[i].name for i in spread]
         chosen = table.isel(mpc=np.flatnonzero(np.isin(table["position"].values, names)))
         environment, _ = reconstruct(select(chosen))
-        found.append(judge(environment, route, len(spread)))
+        found.append(judge(environment, route, len(spread), truth=truth))
     return found
 
 
-def judge(environment: Environment, route: Campaign, positions: int) -> Prediction:
-    """Judge a map of some positions by what it predicts along a route."""
-    scores = []
-    for index in range(len(route.links)):
-        true, predicted = (_reflected(place, route, index) for place in (route.environment, environment))
-        if len(true):
-            scores.append(_score(true, predicted))
+def judge(
+    environment: Environment, route: Campaign, positions: int, *, truth: Sequence[FloatArray] | None = None
+) -> Prediction:
+    """Judge a map of some positions by what it predicts along a route.
+
+    Parameters
+    ----------
+    truth : sequence of array (path, 3), optional
+        From `reflected` for the route's own environment, where it is known already.
+    """
+    truth = reflected(route.environment, route) if truth is None else truth
+    pairs = zip(truth, reflected(environment, route), strict=True)
+    scores = [_score(true, predicted) for true, predicted in pairs if len(true)]
     there, hit, false, level = np.array(scores).T
     error = 10 * np.log10(np.maximum(level / there, LEAST))
     return Prediction(
@@ -98,13 +105,15 @@ def judge(environment: Environment, route: Campaign, positions: int) -> Predicti
     )
 
 
-def _reflected(environment: Environment, route: Campaign, index: int) -> FloatArray:
-    """Delay, azimuth and power (path, 3) of the paths at a position that met a wall or pole."""
-    link = route.links[index]
-    paths = trace(environment, link.tx, link.rx, route.frequency, max_order=MAX_ORDER)
-    met = (paths["reflector"].values >= 0).any(axis=1)
-    power = np.abs(paths["coefficient"].values) ** 2
-    return np.column_stack([paths["delay"].values, paths["azimuth"].values, power])[met]
+def reflected(environment: Environment, route: Campaign) -> list[FloatArray]:
+    """Delay [s], azimuth [degree] and power (path, 3) of the paths at each position that met a wall or pole."""
+    found = []
+    for link in route.links:
+        paths = trace(environment, link.tx, link.rx, route.frequency, max_order=MAX_ORDER)
+        met = (paths["reflector"].values >= 0).any(axis=1)
+        power = np.abs(paths["coefficient"].values) ** 2
+        found.append(np.column_stack([paths["delay"].values, paths["azimuth"].values, power])[met])
+    return found
 
 
 def _score(true: FloatArray, predicted: FloatArray) -> tuple[float, float, float, float]:

@@ -21,6 +21,16 @@ def test_a_figure_is_written_as_vector_and_as_picture_and_shown_with_its_caption
     assert not plt.get_fignums()
 
 
+def test_the_same_figure_gives_the_same_bytes(tmp_path: Path):
+    for name in ("one", "two"):
+        axes = plt.subplots()[1]
+        axes.plot([0, 1], [1, 0])
+        Page(tmp_path / name, "page.md").figure("curve", axes, "One curve.")
+    for suffix in ("pdf", "png"):
+        first, second = ((tmp_path / name / "figures" / f"curve.{suffix}").read_bytes() for name in ("one", "two"))
+        assert first == second
+
+
 def test_no_page_stands_until_all_is_done(tmp_path: Path):
     (tmp_path / "page.md").write_text("of an earlier run")
     page = Page(tmp_path, "page.md")
