@@ -1,6 +1,7 @@
 """What the page says of each of the letter's studies: text and tables around numbers computed elsewhere."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -85,7 +86,7 @@ def reconstruction(page: Page, studied: routes.Study) -> None:
         chosen = studied.of([position for route in pair for position in published.TABLE_2[route]])
         table = studied.table.isel(mpc=np.flatnonzero(chosen))
         used = np.unique(table["wall"].values[table["accepted"].values])
-        shown = type(studied.environment)(studied.environment.reflectors.isel(reflector=used))
+        shown = replace(studied.environment, reflectors=studied.environment.reflectors.isel(reflector=used))
         count = len(np.unique(table["position"].values))
         page.figure(
             name,
