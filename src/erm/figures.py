@@ -137,7 +137,7 @@ def _name(axes: "Axes", walls: FloatArray, names: Sequence[str]) -> None:
     for ends, name in zip(walls, names, strict=False):
         along = ends[1] - ends[0]
         size = max(float(np.hypot(*along)), 1e-9)
-        aside = 8 * np.array([along[1], -along[0]]) / size if size > 1e-6 else np.array([8.0, 0.0])
+        aside = 8 * np.array([along[1], -along[0]]) / size if size > 1e-6 else np.array([-8.0, 6.0])
         axes.annotate(
             name,
             tuple(ends.mean(axis=0)),

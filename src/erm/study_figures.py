@@ -70,7 +70,7 @@ def plot_sectors(sectors: Sequence[Sector], axes: "PolarAxes") -> "PolarAxes":
     sectors : sequence of Sector
         From `erm.explain.sectors`.
     axes : matplotlib.projections.polar.PolarAxes
-        Of which the radius is set already.
+        Of which the radius is set already; its figure should have a constrained layout.
     """
     outer = axes.get_rmax()
     rings = [radius for radius in axes.get_yticks() if radius < 0.95 * outer]
@@ -85,15 +85,10 @@ def plot_sectors(sectors: Sequence[Sector], axes: "PolarAxes") -> "PolarAxes":
         axes.bar(height=RIM * outer, bottom=outer, label=f"{sector.name} ({sector.components})", **where)
     handles, labels = axes.get_legend_handles_labels()
     first = [labels.index(label) for label in dict.fromkeys(labels)]
-    axes.legend(
-        [handles[i] for i in first],
-        [labels[i] for i in first],
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.12),
-        ncols=5,
-        frameon=False,
-        fontsize="small",
-    )
+    figure = axes.get_figure(root=True)
+    if figure is not None and first:  # beside the axes the legend would squeeze them
+        shown = [handles[i] for i in first], [labels[i] for i in first]
+        figure.legend(*shown, loc="outside lower center", ncols=6, frameon=False, fontsize="small")
     return axes
 
 

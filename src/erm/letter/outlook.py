@@ -63,7 +63,9 @@ def motivation(page: Page, predictions: Sequence[Prediction], positions: int) ->
         "## Why it matters: predicting the channel",
         f"Maps of 3 to {predictions[-1].positions} positions on route 1 predict the reflected paths, up to two "
         f"bounces, at {positions} positions of a route {ASIDE[0]:g} m further east that nobody measured. A predicted "
-        "path within 1 ns and 3° of a true one is that path.",
+        "path within 1 ns and 3° of a true one is that path. A predicted path that is false is one off a wall of the "
+        "map that reaches over an opening: reflection points on one line with up to 15 m between them count as one "
+        "wall.",
     )
     page.table(
         ["positions", "reflectors", "true power predicted", "false power", "RMS error of the reflected power [dB]"],

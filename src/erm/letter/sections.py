@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from erm.evaluate import summary
-from erm.explain import explain, names_of, sectors
+from erm.explain import DIRECT, GROUND, explain, names_of, sectors
 from erm.figures import plot_error_cdf, plot_map
 from erm.geometry import FloatArray
 from erm.letter import published, routes
 from erm.letter.captures import Campaign, Captures
 from erm.letter.page import Page
+from erm.letter.truth import is_single_wall_bounce, rays_of
 from erm.outline import outline_of
 from erm.study_figures import plot_letter_points, plot_sectors
 
@@ -24,6 +25,7 @@ ERRORS = ("min", "max", "mean", "std", "rmse")
 HEADS = ["min [m]", "max [m]", "mean [m]", "std [m]", "RMSE [m]"]
 OVERLAID = (("Route 1", "RX2_L", "RX9_L"), ("Route 2", "RX2_N", "RX3_N"))
 SHOWN = ((("Route 1", "Route 2"), "routes_1_2"), (("Route 3", "Route 4"), "routes_3_4"))
+CORRIDOR_EAST, CORRIDOR_REACH = 50.0, 15.0  # m
 ROUTE_BAR, TIMES_BAR = 0.05, 20.0  # m; ratio
 
 
@@ -79,7 +81,11 @@ def set_ups(page: Page, simulation: Campaign, measurement: Campaign) -> None:
 
 def reconstruction(page: Page, studied: routes.Study) -> None:
     """Fig. 4a: maps of routes 1 and 2, and 3 and 4."""
-    page.add("## Reconstruction (Fig. 4a)")
+    page.add(
+        "## Reconstruction (Fig. 4a)",
+        "Walls and poles from the captures of all positions together. No single bounce can come off the faces north "
+        "of the corridor: they look south, away from TX1.",
+    )
     outline = outline_of(studied.campaign.environment)
     names = names_of(studied.environment)
     for pair, name in SHOWN:
@@ -169,23 +175,27 @@ def daps(page: Page, studied: routes.Study, captures: Captures) -> None:
     page.add(
         "## DAPS (Fig. 3)",
         "Sectors are computed: each MPC is given to the path through the reconstructed map that is nearest to it in "
-        "delay and azimuth, and the MPCs of one reflector make a sector. W are walls, named as in the maps above or "
-        "below; W1+W2 bounced off both. In brackets: how many MPCs.",
+        "delay and azimuth, and the MPCs that bounced off one reflector make its sector. W are walls and P poles, "
+        "named as in the maps below; in brackets, how many MPCs. The direct path counts with the ground bounce under "
+        "it. What the map does not explain has no sector.",
     )
     for route, first, second in OVERLAID:
         pair = (first, second)
         chosen = np.flatnonzero(studied.of(pair))
         table = studied.table.isel(mpc=chosen)
         labels = explain(table, studied.environment)
-        arcs = sectors(table["azimuth"].values, labels)
+        once = np.array(["" if "+" in label else DIRECT if label == GROUND else label for label in labels])
+        arcs = sectors(table["azimuth"].values, once)
         figure = plt.figure(figsize=(7.4, 5.4), layout="constrained")
         axes = captures.draw_daps([(name, studied.daps[name]) for name in pair], _polar(figure))
         plot_sectors(arcs, axes)
         known = int(np.count_nonzero(labels != ""))
+        twice = int(np.count_nonzero((once == "") & (labels != "")))
         page.figure(
             f"daps_{first}_{second}",
             figure,
-            f"{route}: DAPS of {first} and {second}; of their {len(labels)} MPCs the map explains {known}.",
+            f"{route}: DAPS of {first} and {second}; of their {len(labels)} MPCs the map explains {known}, {twice} of "
+            "them by more than one bounce and without a sector.",
         )
 
 
@@ -195,24 +205,24 @@ def _error_cells(values: FloatArray) -> list[object]:
 
 
 def _corridor(studied: routes.Study) -> str:
-    """Width of the corridor as the map has it, between the faces of its two walls."""
-    walls = [published.CORRIDOR_WALLS[name] for name in ("teaching building", "south corridor wall")]
+    """What the map has of the corridor's two walls, in the letter's ordinates."""
     table = studied.environment.reflectors
-    normal, offset = table["normal"].values, table["offset"].values
-    ends = table["end_points"].values
-    south = []
-    for wall in walls:
-        level = np.abs(np.sin(np.radians(normal))) > np.cos(np.radians(5))
-        middle = ends.mean(axis=1)
-        near = level & (np.abs(middle[:, 1] + wall) < 1) & (np.abs(middle[:, 0] - 46) < 15)
-        south += (-offset[near] * np.sign(np.sin(np.radians(normal[near]))))[:1].tolist()
-    if len(south) < 2:
-        found = ", ".join(f"{value:.2f}" for value in south) or "none"
-        return (
-            f" The letter's corridor is 14.9 m wide, from ordinate {walls[0]} to {walls[1]}; of its two walls the map "
-            f"has the one at {found}: no position received three reflections off the other."
-        )
-    return f" The corridor is {abs(south[1] - south[0]):.2f} m wide in the map; the letter reads 14.9 m off its own."
+    middle, normal = table["end_points"].values.mean(axis=1), table["normal"].values
+    rays = rays_of(studied.campaign)
+    single = is_single_wall_bounce(studied.campaign, rays)
+    level = np.abs(np.sin(np.radians(normal))) > np.cos(np.radians(5))
+    told, found = [], []
+    for name in ("teaching building", "south corridor wall"):
+        south = published.CORRIDOR_WALLS[name]
+        beside = np.abs(middle[:, 0] - CORRIDOR_EAST) < CORRIDOR_REACH
+        near = np.flatnonzero(level & beside & (np.abs(middle[:, 1] + south) < 1))
+        on_it = single & (np.abs(rays.vertex[:, 1] + south) < 1e-6)
+        on_it &= np.abs(rays.vertex[:, 0] - CORRIDOR_EAST) < CORRIDOR_REACH
+        found += [-float(middle[i, 1]) for i in near[:1]]
+        where = f"at {found[-1]:.2f} m" if near.size else "not there"
+        told.append(f"{name} {where} ({south} printed; {len(np.unique(rays.link[on_it]))} positions had a path off it)")
+    width = f" It is {abs(found[1] - found[0]):.2f} m wide." if len(found) == 2 else ""
+    return f" Walls of the corridor, 14.9 m apart in the letter, in the map: {'; '.join(told)}.{width}"
 
 
 def _polar(figure: "Figure") -> "PolarAxes":
