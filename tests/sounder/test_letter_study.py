@@ -1,6 +1,6 @@
 """The page of the study: deterministic, and there whole or not at all. Captures are left out for speed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +55,10 @@ class Ideal:
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory) -> Path:
-    return run(tmp_path_factory.mktemp("letter"), Ideal(), knobs=QUICK)
+def page(tmp_path_factory) -> Iterator[Path]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("erm.letter.sweeps.DENSEST", 10.0)  # m, of the positions that a route is predicted from
+        yield run(tmp_path_factory.mktemp("letter"), Ideal(), knobs=QUICK)
 
 
 def test_the_page_shows_every_figure_that_is_written_as_pdf_and_png(page):
