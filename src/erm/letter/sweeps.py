@@ -13,7 +13,7 @@ from erm.evaluate import evaluate_walls, point_errors, summary
 from erm.geometry import FloatArray
 from erm.letter.captures import AS_IT_IS, Campaign, Captures, Change, Link
 from erm.letter.routes import MERGED, Study, perpendicular_errors, study
-from erm.letter.truth import behind, is_single_wall_bounce, rays_of
+from erm.letter.truth import NO_PATH, behind, is_single_wall_bounce, rays_of
 from erm.outline import outline_of
 
 LINES = (("RX1_L", "RX9_L"), ("RX11_L", "RX16_L"))
@@ -66,6 +66,8 @@ class Outcome:
     snr : float
         Median over the MPCs of power over noise [dB].
     mpcs : int
+    stray : int
+        MPCs that no path explains: remainders of stronger ones, and paths that were not told apart.
     completeness : float
         Share of the true reflection points of the densest positions that lie on a wall of the map.
     false : int
@@ -80,6 +82,7 @@ class Outcome:
     positions: int
     snr: float
     mpcs: int
+    stray: int
     completeness: float
     false: int
     point_error: float
@@ -173,6 +176,7 @@ def judged(studied: Study, reference: FloatArray, value: float) -> Outcome:
         positions=len(studied.campaign.links),
         snr=studied.snr,
         mpcs=studied.mpcs.sizes["mpc"],
+        stray=int(np.count_nonzero(behind(studied.mpcs, studied.campaign, rays) == NO_PATH)),
         completeness=float(np.mean(distance < ON_WALL)),
         false=int(evaluate_walls(studied.environment, outline_of(studied.campaign.environment))["false"]),
         point_error=summary(np.linalg.norm(kept["reflection_point"].values[:, :2] - there, axis=1))["rmse"],
