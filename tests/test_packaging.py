@@ -63,9 +63,19 @@ def test_shipped_description_and_scene_are_read_from_the_installation(elsewhere)
     program = (
         "from sounder import shipped\n"
         "from sounder.scene import load_scene\n"
-        "print(load_scene(shipped.scene('uma.toml')).sounder.carrier.frequency)\n"
+        "for name in ('uma.toml', 'lroom.toml'):\n"
+        "    print(load_scene(shipped.scene(name)).sounder.carrier.frequency)\n"
     )
-    assert float(elsewhere("-c", program)) == 132e9
+    assert [float(line) for line in elsewhere("-c", program).split()] == [132e9, 300e9]
+
+
+def test_the_letters_study_finds_the_twin_of_the_installation(elsewhere):
+    program = (
+        "from importlib.metadata import distribution\n"
+        "points = distribution('sounder-to-map').entry_points.select(group='erm.captures')\n"
+        "print([point.load().__name__ for point in points])\n"
+    )
+    assert elsewhere("-c", program).strip() == "['sounder.captures']"
 
 
 @pytest.mark.parametrize("name", ["sounder", "erm"])

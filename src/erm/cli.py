@@ -1,4 +1,4 @@
-"""Command line: MPCs to a map, a map to its score, a map to the paths it predicts, the letter's tables."""
+"""Command line: MPCs to a map, a map to its score, a map to the paths it predicts, the letter redone."""
 
 import math
 from enum import StrEnum
@@ -165,31 +165,15 @@ def predict(
 
 
 @app.command()
-def letter(out: Annotated[Path, typer.Option(help="Folder for the tables and figures.")]) -> None:
-    """Reproduce the letter's tables and figures.
+def letter(out: Annotated[Path, typer.Option(help="Folder for the page, its tables and figures.")]) -> None:
+    """Redo the letter's studies, by its method and by this one.
 
-    They are recomputed from its published reflection points.
+    Captures are simulated, which takes minutes; the result is one page, letter.md, with figures as PDF and PNG.
     """
-    from erm import letter as published
-    from erm.figures import plot_error_cdf, plot_letter_points
-    from erm.storage import atomic_path
+    from erm.letter.captures import installed
+    from erm.letter.study import run
 
-    entries = published.table_3()
-    texts = {
-        "table_3.csv": published.as_csv(entries),
-        "table_3.md": published.as_markdown(entries),
-        "reflection_points.csv": published.points_csv(),
-    }
-    for name, text in texts.items():
-        with atomic_path(out / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    console.save_figure(plot_letter_points().axes[0], out / "reflection_points.png")
-    console.save_figure(plot_error_cdf(published.errors()), out / "error_cdf.png")
-    console.show(
-        ["scenario", "error", "printed [m]", "recomputed [m]"],
-        ([e.scenario, e.statistic, _number(e.printed), _number(e.recomputed)] for e in entries),
-    )
-    print("Canyon and Porch cannot be recomputed: their reflection points are not printed.")
+    print(run(out, installed()))
 
 
 app.command()(export)

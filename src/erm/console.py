@@ -86,7 +86,8 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
             figure = drawn.get_figure(root=True)
             if figure is None:
                 raise DataError(f"{path}: axes without a figure cannot be saved")
-            figure.savefig(temporary, dpi=160, bbox_inches="tight")
+            undated = {"CreationDate": None} if path.suffix.lower() == ".pdf" else None
+            figure.savefig(temporary, dpi=160, bbox_inches="tight", metadata=undated)
     except ValueError as error:
         raise DataError(f"{path}: {error}") from None
 

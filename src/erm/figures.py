@@ -1,26 +1,24 @@
 """Maps and error curves. Functions take products and return the axes; saving is the caller's business."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from erm import letter
 from erm.environment import Environment
 from erm.geometry import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # Okabe and Ito's colours, told apart by all; one thing keeps its colour in every figure
 PALETTE = {"TX": "#d55e00", "RX": "#0072b2", "RP": "#e69f00", "wall": "#009e73", "truth": "#8c8c8c"}
 LINES: dict[str, dict[str, Any]] = {"wall": {"linewidth": 2.6, "zorder": 3}, "truth": {"linewidth": 1.0, "zorder": 1}}
 MARKERS: dict[str, dict[str, Any]] = {
     "TX": {"marker": "*", "s": 170, "zorder": 6, "edgecolors": "black", "linewidths": 0.6},
-    "RX": {"marker": "o", "s": 22, "zorder": 5, "edgecolors": "white", "linewidths": 0.5},
+    "RX": {"marker": "h", "s": 34, "zorder": 5, "edgecolors": "white", "linewidths": 0.5},
     "RP": {"marker": "x", "s": 26, "zorder": 4, "linewidths": 1.2},
 }
 CURVES = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
@@ -33,6 +31,7 @@ def plot_map(
     *,
     table: "xr.Dataset | None" = None,
     outline: FloatArray | None = None,
+    names: Sequence[str] = (),
     ax: "Axes | None" = None,
 ) -> "Axes":
     """Draw a map: antennas, reflection points, merged walls, known outline.
@@ -45,34 +44,37 @@ def plot_map(
         MPC table; its antennas are drawn and, after `erm.reconstruct`, its accepted reflection points.
     outline : array (segment, 2 ends, 2), optional
         Known faces [m]; drawn where the rest of the map is.
+    names : sequence of str
+        Written beside the reflectors, one each.
     ax : matplotlib Axes, optional
         Where to draw; a new figure by default.
     """
-    axes = ax or _new_axes((7.0, 6.0))
+    axes = ax or new_axes((7.0, 6.0))
     seen: list[FloatArray] = []
     if environment is not None:
         reflectors = environment.reflectors
         is_wall = reflectors["kind"].values == "wall"
         walls = reflectors["end_points"].values
-        _segments(axes, walls[is_wall], "wall", "merged wall")
+        draw_segments(axes, walls[is_wall], "wall", "merged wall")
         if not is_wall.all():
             x, y = walls[~is_wall, 0].T
             axes.scatter(x, y, s=30, marker="s", color=PALETTE["wall"], label="pole", zorder=4)
+        _name(axes, walls, names)
         seen.append(walls.reshape(-1, 2))
     if table is not None:
         if "accepted" in table:
             points = table["reflection_point"].values[table["accepted"].values, :2]
-            _points(axes, points, "RP", "reflection point")
+            draw_points(axes, points, "RP", "reflection point")
             seen.append(points)
         for name in ("RX", "TX"):
             antennas = np.unique(table[f"{name.lower()}_position"].values[:, :2], axis=0)
-            _points(axes, antennas, name, name)
+            draw_points(axes, antennas, name, name)
             seen.append(antennas)
     if outline is not None:
-        _segments(axes, outline, "truth", "known outline")
+        draw_segments(axes, outline, "truth", "known outline")
         if not any(map(len, seen)):
             seen.append(outline.reshape(-1, 2))
-    _frame(axes, np.vstack(seen) if seen else np.zeros((0, 2)))
+    fit_frame(axes, np.vstack(seen) if seen else np.zeros((0, 2)))
     axes.set_xlabel("East (m)")
     axes.set_ylabel("North (m)")
     _legend_beside(axes)
@@ -87,7 +89,7 @@ def plot_error_cdf(errors: Mapping[str, npt.ArrayLike], *, ax: "Axes | None" = N
     errors : mapping of str to array (point,)
         Errors [m] by label.
     """
-    axes = ax or _new_axes((5.2, 3.8))
+    axes = ax or new_axes((5.2, 3.8))
     for (label, values), colour in zip(errors.items(), CURVES, strict=False):
         ordered = np.sort(np.asarray(values, dtype=float))
         steps = np.r_[ordered[:1], ordered]
@@ -112,48 +114,14 @@ def plot_error_cdf(errors: Mapping[str, npt.ArrayLike], *, ax: "Axes | None" = N
     return axes
 
 
-def plot_letter_points() -> "Figure":
-    """Draw the letter's published reflection points and faces: route 1 as a map, route 2 by its ordinates."""
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 5.0), layout="constrained")
-    face = letter.east_north(letter.EAST_BUILDING)
-    along = face[1] - face[0]
-    line = face[0] + np.array([[-0.25], [1.1]]) * along  # the printed points reach beyond the measured ones
-    points = letter.east_north(letter.ROUTE_1_POINTS)
-    left.plot(*line.T, color=PALETTE["truth"], linestyle="--", linewidth=1.0)
-    left.plot(*face.T, color=PALETTE["truth"], linewidth=2.0, label="east building's face")
-    _points(left, points, "RP", "published RP")
-    _points(left, np.zeros((1, 2)), "TX", "TX")
-    left.set_title("Route 1", loc="left", fontsize="medium")
-    left.set_xlabel("East (m)")
-    left.set_ylabel("North (m)")
-    left.set_aspect("equal")
-    left.set_xlim(-8, 62)
-    left.legend(loc="lower left", frameon=False, fontsize="small")
-
-    count = len(letter.ROUTE_2_ORDINATES)
-    for name, south in letter.CORRIDOR_WALLS.items():
-        right.axhline(-south, color=PALETTE["truth"], linewidth=2.0, zorder=1)
-        right.annotate(name, (0.6, -south), (0, 3), textcoords="offset points", fontsize="small")
-    numbered = np.column_stack([np.arange(1, count + 1), -letter.ROUTE_2_ORDINATES])
-    _points(right, numbered, "RP", "published RP")
-    right.set_title("Route 2 (eastings are not printed)", loc="left", fontsize="medium")
-    right.set_xlabel("number of the reflection point")
-    right.set_ylabel("North (m)")
-    right.set_xlim(0.5, count + 0.5)
-    right.set_ylim(-69, -48)
-    right.legend(loc="center right", frameon=False, fontsize="small")
-    return figure
-
-
-def _new_axes(size: tuple[float, float]) -> "Axes":
+def new_axes(size: tuple[float, float]) -> "Axes":
+    """Axes in a figure of their own, of a size [inch]."""
     import matplotlib.pyplot as plt
 
     return plt.subplots(figsize=size, layout="constrained")[1]
 
 
-def _segments(axes: "Axes", segments: FloatArray, thing: str, label: str) -> None:
+def draw_segments(axes: "Axes", segments: FloatArray, thing: str, label: str) -> None:
     """Draw segments (segment, 2, 2) as one collection."""
     from matplotlib.collections import LineCollection
 
@@ -162,13 +130,35 @@ def _segments(axes: "Axes", segments: FloatArray, thing: str, label: str) -> Non
         axes.add_collection(lines)
 
 
-def _points(axes: "Axes", points: FloatArray, thing: str, label: str) -> None:
+def _name(axes: "Axes", walls: FloatArray, names: Sequence[str]) -> None:
+    """Write names beside the middles of reflectors (reflector, 2, 2), each on the right of its wall."""
+    from matplotlib.patheffects import withStroke
+
+    for ends, name in zip(walls, names, strict=False):
+        along = ends[1] - ends[0]
+        size = max(float(np.hypot(*along)), 1e-9)
+        aside = 8 * np.array([along[1], -along[0]]) / size if size > 1e-6 else np.array([-8.0, 6.0])
+        axes.annotate(
+            name,
+            tuple(ends.mean(axis=0)),
+            tuple(aside),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize="small",
+            color=PALETTE["wall"],
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            zorder=7,
+        )
+
+
+def draw_points(axes: "Axes", points: FloatArray, thing: str, label: str) -> None:
     """Draw points (point, 2) in the colour and shape of the thing."""
     if len(points):
         axes.scatter(*points.T, color=PALETTE[thing], label=label, **MARKERS[thing])
 
 
-def _frame(axes: "Axes", points: FloatArray) -> None:
+def fit_frame(axes: "Axes", points: FloatArray) -> None:
     """Fit the view to points (point, 2), metres of equal length both ways."""
     axes.set_aspect("equal")
     if len(points):

@@ -125,16 +125,14 @@ def test_a_suffix_that_is_not_known_is_told_before_anything_is_written(tmp_path:
     assert not out.exists()
 
 
-def test_the_letters_tables_and_figures_are_written(tmp_path: Path, capsys):
-    assert run("letter", "--out", tmp_path / "letter") == 0
-    assert {path.name for path in (tmp_path / "letter").iterdir()} == {
-        "table_3.csv",
-        "table_3.md",
-        "reflection_points.csv",
-        "reflection_points.png",
-        "error_cdf.png",
-    }
-    assert "cannot be recomputed" in capsys.readouterr().out
+def test_the_letter_asks_for_an_instrument_where_none_is_installed(tmp_path: Path, capsys, monkeypatch):
+    monkeypatch.setattr("erm.letter.captures.entry_points", lambda group: ())
+    assert run("letter", "--out", tmp_path / "letter") == 1
+    error = capsys.readouterr().err
+    assert error.startswith("entry point erm.captures: ")
+    assert "pip install sounder-to-map" in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "letter").exists()
 
 
 def test_a_bad_file_is_named_the_rest_is_done_and_the_exit_code_is_1(tmp_path: Path, mpcs: Path, capsys):

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from erm.environment import Environment
-from erm.figures import PALETTE, plot_error_cdf, plot_letter_points, plot_map
+from erm.figures import PALETTE, plot_error_cdf, plot_map
 from erm.mpc_table import empty_table, make_table
 from erm.reconstruct import reconstruct
 from erm.select import select
@@ -90,11 +90,3 @@ def test_the_error_curve_climbs_from_nothing_to_all():
 def test_curves_of_unlike_size_share_a_logarithmic_axis():
     assert plot_error_cdf({"fine": [0.001, 0.002], "coarse": [1.0, 2.0]}).get_xscale() == "log"
     assert plot_error_cdf({"here": [0.1, 0.2], "there": [1.0, 2.0]}).get_xscale() == "linear"
-
-
-def test_the_letters_points_are_all_drawn_north_up():
-    left, right = plot_letter_points().axes
-    drawn = {item.get_label(): item.get_offsets() for item in left.collections}
-    assert len(drawn["published RP"]) == 10
-    assert drawn["published RP"][:, 1].max() < 0
-    assert len(right.collections[0].get_offsets()) == 8

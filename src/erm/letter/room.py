@@ -1,0 +1,182 @@
+"""The letter's ray-tracing verification: an L-shaped room, sensed from its rays and from captures.
+
+The letter's RP error is the distance in plan between the sensed point and the ray's own. Its receiver is
+omnidirectional and knows the rays' azimuths from the ray tracer; captures hold azimuths only if an antenna turns, so
+the captures here are those of a rotating horn. From rays three things are switched: the delay's resolution, 1/B; the
+planar reading, which takes the slant length for the horizontal one; and rays of higher order, no single bounces.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from scipy.constants import c
+
+from erm.evaluate import summary
+from erm.fresnel import fresnel, roughness_factor
+from erm.geometry import FloatArray, reflection_point
+from erm.letter.captures import Campaign, Captures, Change
+from erm.letter.truth import NO_PATH, as_table, behind, is_single_wall_bounce, rays_of
+from erm.mpc_table import path_length
+from erm.reconstruct import reconstruct
+from erm.select import select
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from erm.environment import Environment
+
+SCENE = "lroom"
+SMALL = 0.02  # m; the letter gives the share of errors under it
+BANDWIDTH = 1.2e9  # Hz, of the letter
+HIGHER = 2  # bounces of the rays of higher order
+MARGIN = 2.0  # dB over the loss of a wall at normal incidence, for errors of the gain
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to sense the reflection points, and its errors.
+
+    Parameters
+    ----------
+    label : str
+    error : array (point,)
+        Distance in plan between the sensed point and the true one [m].
+    """
+
+    label: str
+    error: FloatArray
+
+    @property
+    def statistics(self) -> dict[str, float]:
+        """``count``, ``min``, ``max``, ``mean``, ``rmse`` [m] and the share under `SMALL`."""
+        return summary(self.error) | {"small": float(np.mean(self.error < SMALL)) if self.error.size else np.nan}
+
+
+@dataclass(frozen=True)
+class Switched(Row):
+    """Errors from rays with the letter's approximations switched on or off."""
+
+    resolution: bool
+    planar: bool
+    higher: bool
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """The room from captures.
+
+    Parameters
+    ----------
+    rows : tuple of Row
+        Planar reading, each MPC by itself, merged walls: the same MPCs.
+    environment : Environment
+        Reconstructed.
+    table : xarray.Dataset
+        From `erm.reconstruct`, the components whose errors the rows hold.
+    true_points : array (mpc, 2)
+        Of these [m].
+    accepted, false : int
+        Components that make the map; of these, such as are no single bounces off a wall.
+    snr : float
+        Median [dB].
+    """
+
+    rows: tuple[Row, ...]
+    environment: "Environment"
+    table: "xr.Dataset"
+    true_points: FloatArray
+    accepted: int
+    false: int
+    snr: float
+
+
+def largest_loss(campaign: Campaign) -> float:
+    """Loss of a single bounce off the room's plaster at normal incidence, where it is largest, with a margin [dB].
+
+    Fresnel's coefficient times the roughness factor; of grazing incidence neither keeps less.
+    """
+    losses = []
+    for material in campaign.environment.materials.values():
+        permittivity = np.array([material.relative_permittivity(campaign.frequency)])
+        te, _ = fresnel(np.ones(1), permittivity)
+        kept = roughness_factor(np.ones(1), np.array([material.height_deviation]), campaign.frequency)
+        losses.append(-20 * float(np.log10(np.abs(te * kept)[0])))
+    return max(losses) + MARGIN
+
+
+def switches(campaign: Campaign) -> list[Switched]:
+    """Errors of reflection points sensed from the rays themselves, for every setting of the three switches.
+
+    Rays of higher order are those that the letter's selection lets through: the strongest of its cluster, with no more
+    loss than a single bounce may have.
+    """
+    rays = rays_of(campaign.to_order(HIGHER))
+    table = as_table(campaign, rays)
+    single = is_single_wall_bounce(campaign, rays)
+    let_through = select(table, threshold="fixed", max_reflection_loss=largest_loss(campaign))["accepted"].values
+    settings = []
+    for resolution, planar, higher in product((False, True), repeat=3):
+        chosen = let_through if higher else single
+        error = _ray_errors(
+            table.isel(mpc=chosen), rays.vertex[chosen], rate=BANDWIDTH if resolution else None, planar=planar
+        )
+        settings.append(Switched("from rays", error, resolution, planar, higher))
+    return settings
+
+
+def grids(campaign: Campaign, finer: Sequence[int] = (1, 2, 4, 8)) -> list[Row]:
+    """Errors of reflection points sensed from first-order rays whose delays lie on grids finer than 1/B."""
+    rays = rays_of(campaign.to_order(1))
+    single = is_single_wall_bounce(campaign, rays)
+    table = as_table(campaign, rays).isel(mpc=single)
+    return [
+        Row(
+            f"1/({BANDWIDTH * times / 1e9:g} GHz)",
+            _ray_errors(table, rays.vertex[single], rate=BANDWIDTH * times, planar=False),
+        )
+        for times in finer
+    ]
+
+
+def sense(
+    campaign: Campaign,
+    captures: Captures,
+    change: Change,
+    *,
+    progress: Callable[[], None] | None = None,
+) -> Sensed:
+    """Measure the room, reconstruct it, and compare the reflection points with the rays'."""
+    measured = captures.measure(campaign, change, progress=progress)
+    environment, merged = reconstruct(select(measured.mpcs, max_reflection_loss=largest_loss(campaign)))
+    accepted = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
+    rays = rays_of(campaign)
+    ray = behind(accepted, campaign, rays)
+    single = (ray != NO_PATH) & is_single_wall_bounce(campaign, rays)[ray]
+    kept, truth = accepted.isel(mpc=np.flatnonzero(single)), rays.vertex[ray[single], :2]
+    planar, _ = reflection_point(*_ends(kept), path_length(kept), kept["azimuth"].values, planar=True)
+    points = {
+        "the letter's planar reading": planar,
+        "ours, each MPC by itself": kept["reflection_point"].values[:, :2],
+        "ours, merged": kept["wall_point"].values[:, :2],
+    }
+    rows = tuple(Row(name, np.linalg.norm(value - truth, axis=1)) for name, value in points.items())
+    false = int(np.count_nonzero(~single))
+    return Sensed(rows, environment, kept, truth, accepted.sizes["mpc"], false, measured.snr)
+
+
+def _ray_errors(table: "xr.Dataset", vertex: FloatArray, *, rate: float | None, planar: bool) -> FloatArray:
+    """Distances in plan of sensed points from the rays' (ray, xyz) [m], where there is a face."""
+    delay = table["delay"].values
+    if rate is not None:
+        delay = np.rint(delay * rate) / rate
+    point, _ = reflection_point(*_ends(table), delay * c, table["azimuth"].values, planar=planar)
+    error = np.linalg.norm(point - vertex[:, :2], axis=1)
+    return error[np.isfinite(error)]
+
+
+def _ends(table: "xr.Dataset") -> tuple[npt.NDArray, npt.NDArray]:
+    return table["tx_position"].values, table["rx_position"].values

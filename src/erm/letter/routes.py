@@ -1,0 +1,161 @@
+"""The letter's four routes from captures: maps, and the errors of its reflection points by its method and by ours."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.environment import Environment
+from erm.evaluate import point_errors, summary
+from erm.geometry import FloatArray, reflection_point, unit
+from erm.letter.captures import AS_IT_IS, Campaign, Captures, Change
+from erm.letter.published import TABLE_2
+from erm.letter.truth import NO_PATH, IntArray, behind, is_single_wall_bounce, rays_of
+from erm.mpc_table import path_length
+from erm.outline import outline_of
+from erm.reconstruct import reconstruct
+from erm.select import select
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SCENE = "uma"
+PLANAR = "the letter's planar method"
+SINGLE = "ours, each MPC by itself"
+MERGED = "ours, merged"
+
+
+@dataclass(frozen=True)
+class Study:
+    """A campaign from captures to its map.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    mpcs : xarray.Dataset
+        What was measured, as an MPC table.
+    daps : mapping of str to xarray.Dataset
+        By position.
+    environment : Environment
+        Reconstructed from all positions together.
+    table : xarray.Dataset
+        From `erm.reconstruct`.
+    face : array (mpc,)
+        Reflector of the true environment that each component bounced off; -1 for all that are no single bounces off a
+        wall.
+    snr : float
+        Median over the components of power over noise [dB].
+    """
+
+    campaign: Campaign
+    mpcs: "xr.Dataset"
+    daps: Mapping[str, "xr.Dataset"]
+    environment: Environment
+    table: "xr.Dataset"
+    face: IntArray
+    snr: float
+
+    @property
+    def on_walls(self) -> npt.NDArray[np.bool_]:
+        """Components (mpc,) that the map explains as single bounces off walls."""
+        kind = self.environment.reflectors["kind"].values
+        wall = self.table["wall"].values
+        return self.table["accepted"].values & np.isin(wall, np.flatnonzero(kind == "wall"))
+
+    def of(self, names: Collection[str]) -> npt.NDArray[np.bool_]:
+        """Components (mpc,) of some positions."""
+        return np.isin(self.table["position"].values, list(names))
+
+
+def study(
+    campaign: Campaign,
+    captures: Captures,
+    change: Change = AS_IT_IS,
+    *,
+    progress: Callable[[], None] | None = None,
+) -> Study:
+    """Measure a campaign and reconstruct its map."""
+    measured = captures.measure(campaign, change, progress=progress)
+    environment, table = reconstruct(select(measured.mpcs))
+    rays = rays_of(campaign)
+    ray = behind(table, campaign, rays)
+    single = (ray != NO_PATH) & is_single_wall_bounce(campaign, rays)[ray]
+    face = np.where(single, rays.reflector[ray], -1)
+    return Study(campaign, measured.mpcs, measured.daps, environment, table, face, measured.snr)
+
+
+def perpendicular_errors(studied: Study, chosen: npt.NDArray[np.bool_]) -> dict[str, FloatArray]:
+    """The letter's ``D_Error`` of the same components by three methods.
+
+    The face is the one that truly reflected the component, whatever lies nearer to the point that a method finds; for a
+    component that is no single bounce it is the face nearest to the merged point.
+
+    Parameters
+    ----------
+    chosen : array (mpc,) of bool
+
+    Returns
+    -------
+    dict of str to array (point,)
+        [m] by `PLANAR`, `SINGLE`, `MERGED`.
+    """
+    rows = np.flatnonzero(chosen)
+    kept = studied.table.isel(mpc=rows)
+    path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
+    planar, _ = reflection_point(*path, planar=True)
+    points = {
+        PLANAR: planar,
+        SINGLE: kept["reflection_point"].values[:, :2],
+        MERGED: kept["wall_point"].values[:, :2],
+    }
+    truth = studied.campaign.environment
+    walls = np.flatnonzero(truth.reflectors["kind"].values == "wall")
+    nearest = walls[point_errors(points[MERGED], outline_of(truth)).face]
+    face = np.where(studied.face[rows] >= 0, studied.face[rows], nearest)
+    normal = unit(truth.reflectors["normal"].values[face])
+    offset = truth.reflectors["offset"].values[face]
+    return {name: np.abs(np.sum(normal * point, axis=1) - offset) for name, point in points.items()}
+
+
+def errors_by_route(studied: Study) -> dict[str, dict[str, FloatArray]]:
+    """`perpendicular_errors` of the components of each route that make its walls [m]."""
+    return {
+        route: perpendicular_errors(studied, studied.on_walls & studied.of(list(positions)))
+        for route, positions in TABLE_2.items()
+    }
+
+
+def false_by_route(studied: Study) -> dict[str, int]:
+    """Number of components that make walls although they are no single bounces off one."""
+    return {
+        route: int(np.count_nonzero(studied.on_walls & studied.of(list(positions)) & (studied.face < 0)))
+        for route, positions in TABLE_2.items()
+    }
+
+
+def letter_selection(studied: Study) -> dict[str, FloatArray]:
+    """Distance to the nearest face of what the letter's own selection (Eq. 4) and equations make of each route [m].
+
+    Returns
+    -------
+    dict of str to array (point,)
+        Of every component that Eq. 4 lets through, single bounce or not.
+    """
+    chosen = select(studied.mpcs, threshold="letter")
+    kept = chosen.isel(mpc=np.flatnonzero(chosen["accepted"].values))
+    path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
+    planar, _ = reflection_point(*path, planar=True)
+    distance = point_errors(planar, outline_of(studied.campaign.environment)).distance
+    position = kept["position"].values
+    return {route: distance[np.isin(position, list(positions))] for route, positions in TABLE_2.items()}
+
+
+def bars(errors: Mapping[str, Mapping[str, FloatArray]]) -> dict[str, tuple[float, float]]:
+    """For each route the merged RMSE [m], and how many times the letter's method exceeds it."""
+    rmse = {
+        route: {method: summary(values)["rmse"] for method, values in methods.items()}
+        for route, methods in errors.items()
+    }
+    return {route: (values[MERGED], values[PLANAR] / values[MERGED]) for route, values in rmse.items()}

@@ -1,0 +1,96 @@
+"""The page of the study: deterministic, and there whole or not at all. Captures are left out for speed."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from erm.errors import DataError
+from erm.letter.captures import AS_IT_IS, Campaign, Change, Measured
+from erm.letter.published import TABLE_2
+from erm.letter.study import PAGE, run
+from erm.letter.sweeps import Knob
+from erm.letter.truth import as_table, rays_of
+from sounder import captures
+
+QUICK = (
+    Knob("RX spacing", "m", (20.0, 10.0), 10.0, None),
+    Knob("SNR change", "dB", (-10.0, 0.0), 0.0, lambda value: Change(power=value)),
+)
+
+FEW = {name for names in TABLE_2.values() for name in list(names)[:5]} | {"RX9_L", "RX16_L"}
+
+
+class Ideal:
+    """Sees every path to one bounce with a small error; breaks down after a number of campaigns."""
+
+    def __init__(self, breaks_after: int = 100) -> None:
+        self.left = breaks_after
+
+    def campaign(self, scene: str) -> Campaign:
+        full = captures.campaign(scene)
+        if scene == "lroom":
+            return full.at(full.links[::4])
+        return full.at([link for link in full.links if link.name in FEW])
+
+    def measure(
+        self, campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable[[], None] | None = None
+    ) -> Measured:
+        if self.left == 0:
+            raise DataError("the amplifier burnt out")
+        self.left -= 1
+        rng = np.random.default_rng(5)
+        table = as_table(campaign, rays_of(campaign.to_order(1)))
+        size = table.sizes["mpc"]
+        spread = {"delay": 5e-12, "azimuth": 0.02}
+        errors = {name: table[name] + std * rng.standard_normal(size) for name, std in spread.items()}
+        std = {f"{name}_std": ("mpc", np.full(size, value)) for name, value in spread.items()}
+        return Measured(table.assign(errors | std), {link.name: xr.Dataset() for link in campaign.links}, 30.0)
+
+    def draw_daps(self, products, axes):
+        axes.set_rlim(0, 100)
+        return axes
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory) -> Iterator[Path]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("erm.letter.sweeps.DENSEST", 10.0)  # m, of the positions that a route is predicted from
+        yield run(tmp_path_factory.mktemp("letter"), Ideal(), knobs=QUICK)
+
+
+def test_the_page_shows_every_figure_that_is_written_as_pdf_and_png(page):
+    text = page.read_text(encoding="utf-8")
+    drawn = {path.name for path in (page.parent / "figures").iterdir()}
+    assert drawn == {f"{Path(name).stem}.{suffix}" for name in drawn for suffix in ("pdf", "png")}
+    assert all(f"figures/{name})" in text for name in drawn)
+    assert len(drawn) == 2 * text.count("![Figure")
+
+
+def test_the_page_says_how_the_print_must_be_read(page):
+    text = page.read_text(encoding="utf-8")
+    assert "What the letter calls RMSE is the standard deviation" in text
+    assert "Its formula of D_Error has three slips" in text
+    assert "| Route 1 | (a) from the printed points | 10 | 0.0915 | 3.77 | 1.62 | 1.28 | 2.06 |" in text
+    assert "| Route 2 | (a) from the printed points | 8 | 0.01 | 1.71 | 0.62 | 0.45 | 0.766 |" in text
+
+
+def test_every_route_keeps_its_bars_with_ideal_captures(page):
+    text = page.read_text(encoding="utf-8")
+    assert text.count("holds") >= 8
+    assert "**missed**" not in text
+
+
+def test_two_runs_give_the_same_numbers(page, tmp_path, monkeypatch):
+    monkeypatch.setattr("erm.letter.page.FORMATS", ())  # that figures repeat themselves is shown for one of them
+    again = run(tmp_path, Ideal(), knobs=QUICK)
+    assert again.read_bytes() == page.read_bytes()
+
+
+def test_a_study_that_fails_leaves_no_page_not_even_that_of_an_earlier_run(tmp_path):
+    (tmp_path / PAGE).write_text("of an earlier run")
+    with pytest.raises(DataError, match="burnt out"):
+        run(tmp_path, Ideal(breaks_after=1), knobs=QUICK)
+    assert not (tmp_path / PAGE).exists()
