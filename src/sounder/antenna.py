@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.config import Antenna
+from sounder.antenna_tables import Antenna
 
 STEP = 0.25
 """Spacing of the tabulated cuts [degree]."""

@@ -5,20 +5,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from erm.errors import DataError
-
-Positive = Annotated[float, Field(gt=0)]
-
-
-class _Table(BaseModel):
-    """A TOML table: unknown keys are errors, numbers are finite, values cannot change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+from sounder.antenna_tables import Antenna, Positive, Table
 
 
-class Waveform(_Table):
+class Waveform(Table):
     """The transmitted m-sequence.
 
     ``polynomial`` lists the exponents of the primitive characteristic polynomial, highest first: ``[9, 4, 0]`` is
@@ -79,7 +72,7 @@ def _register_period(order: int, polynomial: tuple[int, ...]) -> int:
     return steps
 
 
-class Carrier(_Table):
+class Carrier(Table):
     """Carrier and how it is made: ``frequency = lo_frequency * multiplier + if_frequency`` [Hz]."""
 
     frequency: Positive
@@ -98,50 +91,7 @@ class Carrier(_Table):
         return self
 
 
-class Cut(_Table):
-    """Principal cuts of an antenna: gain relative to boresight [dB] over the angle off boresight [degree]."""
-
-    angle: tuple[float, ...]
-    azimuth: tuple[float, ...]
-    elevation: tuple[float, ...]
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if not len(self.angle) == len(self.azimuth) == len(self.elevation) >= 3:
-            raise ValueError("angle, azimuth and elevation must have one length, at least 3")
-        if any(b <= a for a, b in pairwise(self.angle)):
-            raise ValueError("angle must rise")
-        if not self.angle[0] < 0 < self.angle[-1]:
-            raise ValueError("angle must reach to both sides of boresight (0)")
-        return self
-
-
-class Antenna(_Table):
-    """An antenna: boresight gain [dBi] and how the gain falls off it.
-
-    ``gaussian`` is a Gaussian main lobe of the given half-power beamwidths [degree] above a flat ``sidelobe_floor``
-    [dB]; ``cut`` takes the relative gain from measured principal cuts (in a description file: the name of a CSV file
-    beside it with the header ``angle,azimuth,elevation``); ``flat`` is the boresight gain in every direction, for an
-    end whose pattern is not to be removed.
-    """
-
-    gain: float
-    pattern: Literal["gaussian", "cut", "flat"] = "gaussian"
-    hpbw_azimuth: Annotated[float, Field(gt=0, le=360)] | None = None
-    hpbw_elevation: Annotated[float, Field(gt=0, le=180)] | None = None
-    sidelobe_floor: Annotated[float, Field(lt=0)] = -30.0
-    cut: Cut | None = None
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.pattern != "flat" and None in (self.hpbw_azimuth, self.hpbw_elevation):
-            raise ValueError(f'pattern "{self.pattern}" needs hpbw_azimuth and hpbw_elevation')
-        if (self.pattern == "cut") != (self.cut is not None):
-            raise ValueError('pattern "cut" and the key cut go together')
-        return self
-
-
-class Scan(_Table):
+class Scan(Table):
     """Directions the horn looks at [degree]: azimuth counter-clockwise from east, elevation above the horizon."""
 
     azimuth: tuple[float, ...]
@@ -159,13 +109,13 @@ class Scan(_Table):
         return self
 
 
-class Transmitter(_Table):
+class Transmitter(Table):
     """Power into the transmit antenna [dBm]."""
 
     power: float
 
 
-class Artefact(_Table):
+class Artefact(Table):
     """A copy that the instrument makes of every path: how much later [s], and how strong at most [dB].
 
     The level is relative to the path in the same beam. Copies that come earlier have a negative delay.
@@ -181,7 +131,7 @@ class Artefact(_Table):
         return self
 
 
-class Processing(_Table):
+class Processing(Table):
     """Choices about the instrument that processing needs.
 
     ``bandwidth`` is kept by the de-embedding [Hz], full width about the carrier; default 0.9 of the main lobe.
@@ -192,7 +142,7 @@ class Processing(_Table):
     artefact: tuple[Artefact, ...] = ()
 
 
-class Sounder(_Table):
+class Sounder(Table):
     """A channel sounder.
 
     Examples

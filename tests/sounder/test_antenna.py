@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sounder.antenna import Pattern, off_boresight
-from sounder.config import Antenna
+from sounder.antenna_tables import Antenna
 
 GAUSSIAN = Antenna(gain=24.5, hpbw_azimuth=10.0, hpbw_elevation=9.0)
 

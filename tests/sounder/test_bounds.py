@@ -8,8 +8,8 @@ import xarray as xr
 from scipy.optimize import least_squares
 
 from sounder.antenna import Pattern
+from sounder.antenna_tables import Antenna
 from sounder.bounds import NAMES, Band, cramer_rao, gains
-from sounder.config import Antenna
 from sounder.waveform import held_template
 
 C = 299792458.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sounder.antenna import Pattern
-from sounder.config import Antenna
+from sounder.antenna_tables import Antenna
 from sounder.mpc import CAPACITY, extract
 from sounder.waveform import held_template
 

@@ -6,8 +6,9 @@ from scipy.constants import c
 from scipy.io import loadmat
 
 from sounder.antenna import Pattern
+from sounder.antenna_tables import Antenna
 from sounder.calibration import Deembedding
-from sounder.config import Antenna, Artefact, Processing
+from sounder.config import Artefact, Processing
 from sounder.mpc import extract
 
 HORN = 24.5

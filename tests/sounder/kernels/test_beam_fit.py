@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sounder.antenna import Pattern
-from sounder.config import Antenna
+from sounder.antenna_tables import Antenna
 from sounder.kernels import beam_fit, view
 
 PATTERN = Pattern.of(Antenna(gain=24.5, hpbw_azimuth=10.0, hpbw_elevation=9.0, sidelobe_floor=-40.0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sounder.antenna import Pattern
-from sounder.config import Antenna
+from sounder.antenna_tables import Antenna
 from sounder.kernels import component
 from sounder.kernels.cancel import cancel
 from sounder.kernels.peaks import Limits, search_of
