@@ -52,7 +52,7 @@ def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys
     out, rps, figure = tmp_path / "map.geojson", tmp_path / "rps.csv", tmp_path / "map.png"
     assert run("reconstruct", mpcs, "--out", out, "--rps", rps, "--figure", figure) == 0
     printed = capsys.readouterr()
-    assert "1 walls from 6 of 6 components" in printed.out
+    assert "1 walls and 0 poles from 6 of 6 components" in printed.out
     assert printed.err == ""
     wall = Environment.read(out).reflectors.isel(reflector=0)
     assert wall["offset"].item() == pytest.approx(-9, abs=1e-3)
