@@ -115,7 +115,7 @@ def evaluate(
     ] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Judge a map against a known outline, or by what it predicts at positions it was not made from."""
+    """Judge a map by a known outline, or by what it predicts."""
     import json
 
     from erm.environment import Environment

@@ -83,7 +83,7 @@ def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
         f"{path.parent.name}/mpcs.csv": hashlib.sha256(path.read_bytes()).hexdigest() for path in (mpcs, other)
     }
     assert json.loads(told["processing_options"]) == {
-        "threshold": "fixed",
+        "threshold": "consistency",
         "max_reflection_loss": 9,
         "min_support": 2,
         "ground_height": -1,
