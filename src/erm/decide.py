@@ -9,7 +9,8 @@ from erm.conflicts import Conflicts
 from erm.consensus import GATE
 from erm.extent import Legs, Stretch
 from erm.geometry import angle_difference
-from erm.phantom import composed_of, loss_at_normal_incidence, mirror_of, orders_of_hidden_walls
+from erm.loss import SCATTER, loss_at_normal_incidence, loss_error, typical_loss, weighted_quantile
+from erm.phantom import composed_of, mirror_of, orders_of_hidden_walls
 from erm.pieces import Links, pieces_of
 from erm.wall import BoolArray, IntArray, Wall, fit_line, misfit
 
@@ -21,6 +22,8 @@ ROUNDS = 4  # of believing and doubting; two are the rule
 # Log odds of a common image to be a wall and not a chain off walls that nobody saw alone; see `plausibility`.
 PRIOR = 1.7
 PER_DECIBEL = -0.5  # of loss, face on, above that of the place
+BETWEEN = 4.0  # dB; the loss above that of the place that walls and chains have alike
+SPREAD = 3.5  # dB; of the losses of either about their mean
 PER_RECEIVER_SHADOW = -2.8
 PER_TRANSMITTER_SHADOW = -0.4
 PER_DOUBLING = 0.7  # of the support beyond three
@@ -74,13 +77,15 @@ class Trial:
         for one, other, known in orders_of_hidden_walls(walls):
             self.betrayed_by[one].add(known)
             self.betrayed_by[other].add(known)
-        usual = np.quantile(np.repeat(self.loss, support), 0.1) if len(walls) else 0.0
+        self.loss_error = np.array([loss_error(wall) for wall in walls])
+        known = support / (self.loss_error**2 + SCATTER**2)
+        usual = weighted_quantile(self.loss, known, 0.1) if len(walls) else 0.0
         self.usual_loss = float(np.clip(usual, *USUAL_LOSS))
         self.angles = [float(np.ptp(np.rad2deg(np.arccos(wall.incidence)))) for wall in walls]
         self.arrival = _arrivals(walls)
         nothing = np.zeros(len(walls), dtype=bool)
         alone = [-round(self.plausibility(i, nothing), 6) for i in range(len(walls))]
-        loss = [round(wall.loss, 6) for wall in walls]
+        loss = [round(typical_loss(wall), 6) for wall in walls]
         self.order = sorted(range(len(walls)), key=lambda i: (alone[i], loss[i], -support[i]))
         self.rank = np.argsort(np.array(self.order, dtype=np.int64))
 
@@ -116,11 +121,13 @@ class Trial:
         those of a logistic regression on random streets and rooms traced to three bounces, rounded.
         """
         excess = max(float(self.loss[wall]) - self.usual_loss, LEAST_EXCESS)
+        # of two Gaussians that the error widens the log odds fall to this share
+        told = SPREAD**2 / (SPREAD**2 + self.loss_error[wall] ** 2)
         first, second = self.conflicts.shadow(wall, believed)
         doublings = float(np.log2(max(self.conflicts.support[wall], 3) / 3))
         return (
             PRIOR
-            + PER_DECIBEL * excess
+            + PER_DECIBEL * (BETWEEN + told * (excess - BETWEEN))
             + PER_TRANSMITTER_SHADOW * first
             + PER_RECEIVER_SHADOW * second
             + PER_DOUBLING * doublings
@@ -185,7 +192,7 @@ def _arrivals(walls: Sequence[Wall]) -> list[float]:
 
 def _without_twins(candidates: Sequence[Wall], max_gap: float) -> list[Wall]:
     """Candidates, those that are one line joined."""
-    ranked = sorted(candidates, key=lambda wall: (-wall.support, round(wall.loss, 6)))
+    ranked = sorted(candidates, key=lambda wall: (-wall.support, round(typical_loss(wall), 6)))
     kept: list[Wall] = []
     normals = np.array([wall.line.normal for wall in ranked])
     middles = np.array([np.median(wall.points[:, :2], axis=0) for wall in ranked]).reshape(-1, 2)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 DELAY_STD = 0.3e-9  # s; a sample of a 1.2 GS/s sounder is 0.83 ns, 0.24 ns rms when delays are left on it
 AZIMUTH_STD = 3.0  # degree; a 10 degree grid left unrefined is 2.9 degrees rms
 ELEVATION_STD = 3.0  # degree
+GAIN_STD = 0.0  # dB; not looked for, the losses of one wall scatter by more
 LEAST = (1e-12, 1e-2, 1e-2)  # s, degree, degree; 0.3 mm, and 2 mm at 10 m: below, survey and arithmetic rule
 NORMAL = 1.4826  # standard deviations of a Gaussian in its median absolute deviation
 FEWEST = 5  # direct paths or residuals that make an estimate

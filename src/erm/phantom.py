@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from erm.consensus import GATE
 from erm.geometry import FloatArray, bisector, mirrored, unit
+from erm.loss import reflection_loss, refractive_index_squared, typical_loss
 from erm.wall import BoolArray, Line, Paths, Wall, anchors
 
 LOSS_TOLERANCE = 4.0  # dB; materials vary along a facade, and two paths in one cell interfere
@@ -21,8 +22,6 @@ EXTRA_LOSS = 1.0  # dB; a double bounce loses at least this much more than eithe
 LOSS_OF_ORDER = 3.0  # dB; the two orders of one double bounce meet the same walls at other angles
 NEAREST, NEAREST_OF_THREE = 64, 32  # walls about a phantom of which it may be composed
 SMOOTH = 2e-3  # m; facades are not mirrors to better than this
-LEAST_INDEX = 1.05  # refractive index; air has 1
-MOST_AMPLITUDE = 0.98  # reflected; a loss under 0.2 dB is metal and error of gain
 
 
 class Mirror(NamedTuple):
@@ -41,28 +40,6 @@ def mirror_of(wall: Wall, margin: float) -> Mirror:
     low, high = float(along.min()), float(along.max())
     middle = wall.line.foot() + (low + high) / 2 * wall.line.direction()
     return Mirror(wall.line, low - margin, high + margin, refractive_index_squared(wall), middle)
-
-
-def refractive_index_squared(wall: Wall) -> float:
-    """Of a smooth lossless face that loses what the wall does: the median over its paths.
-
-    Vertical antennas meet a vertical face with the field across the plane of incidence, where ``|r| = (w - c) /
-    (w + c)``, ``c`` the cosine of incidence and ``w**2 = n**2 - 1 + c**2``; solved, ``w = c (1 + |r|) / (1 - |r|)``.
-    """
-    amplitude = np.clip(10 ** (-wall.paths.loss / 20), 0.0, MOST_AMPLITUDE)
-    root = wall.incidence * (1 + amplitude) / (1 - amplitude)
-    return max(float(np.median(root**2 + 1 - wall.incidence**2)), LEAST_INDEX**2)
-
-
-def reflection_loss(index2: float, cosine: FloatArray) -> FloatArray:
-    """Loss [dB] of the face of `refractive_index_squared` at cosines of incidence (...)."""
-    root = np.sqrt(index2 - 1 + cosine**2)
-    return -20 * np.log10(np.maximum((root - cosine) / (root + cosine), 1e-3))
-
-
-def loss_at_normal_incidence(wall: Wall) -> float:
-    """What the wall would lose face on [dB]: comparable between walls seen at different angles."""
-    return float(reflection_loss(refractive_index_squared(wall), np.ones(1))[0])
 
 
 def composed_of(wall: Wall, mirrors: Sequence[Mirror], climbs: Sequence[FloatArray] = ()) -> bool:
@@ -192,7 +169,7 @@ def orders_of_hidden_walls(walls: Sequence[Wall]) -> list[tuple[int, int, int]]:
         image = np.array([anchors(line, tx) for line in lines])
         slopes = [_image_slopes(line, tx) for line in lines]
         spread = np.array([np.sqrt(np.trace(s @ line.covariance @ s.T)) for s, line in zip(slopes, lines, strict=True)])
-        loss = np.array([walls[i].loss for i in rows])
+        loss = np.array([typical_loss(walls[i]) for i in rows])
         support = np.array([walls[i].support for i in rows])
         tree = cKDTree(image)
         for known, line in enumerate(lines):

@@ -15,7 +15,7 @@ from erm.geometry import FloatArray
 from erm.materials import Material
 from erm.mpc_table import path_length
 from erm.noise import LEAST, scale
-from erm.phantom import refractive_index_squared
+from erm.loss import refractive_index_squared
 from erm.pieces import Links
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
 from erm.wall import IntArray, Paths, Wall, residuals
@@ -180,6 +180,7 @@ def paths_of(table: "xr.Dataset", rows: IntArray) -> Paths:
         link=chosen["link"].values,
         transmitter=transmitter.ravel(),
         loss=loss,
+        loss_std=chosen["path_gain_std"].values,
         wavelength=c / chosen["frequency"].values,
         rise=rise(chosen),
         rise_std=chosen["elevation_std"].values,

@@ -69,7 +69,7 @@ def select(
     Returns
     -------
     xarray.Dataset
-        The table with ``delay_std``, ``azimuth_std`` and ``elevation_std`` filled in and, along ``mpc``:
+        The table with all four ``_std`` columns filled in and, along ``mpc``:
         ``errors_known`` (false where they were filled in), ``link`` (index of the pair of antennas), ``cluster``,
         ``reflection_loss`` [dB], ``accepted``, ``reason``, ``reflection_point`` (mpc, xyz) [m], ``normal`` [degree],
         ``offset`` [m], ``point_covariance`` (mpc, xy, xy_2) [m2] and ``line_covariance`` (mpc, parameter,
@@ -226,6 +226,7 @@ def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: floa
         "delay_std": found.delay if delay_std is None else delay_std,
         "azimuth_std": found.azimuth if azimuth_std is None else azimuth_std,
         "elevation_std": found.elevation,
+        "path_gain_std": noise.GAIN_STD,
     }
     known = np.isfinite(table["delay_std"].values) & np.isfinite(table["azimuth_std"].values)
     source = "the table" if known.all() else found.source if delay_std is azimuth_std is None else "the caller"

@@ -44,8 +44,8 @@ class Paths:
         Pair of antennas; a wall makes one path a link.
     transmitter : array (path,) of int
         Number of the place where the transmitter stood.
-    loss : array (path,)
-        Reflection loss [dB].
+    loss, loss_std : array (path,)
+        Reflection loss and its standard error [dB].
     wavelength : array (path,)
         [m].
     rise, rise_std : array (path,)
@@ -63,6 +63,7 @@ class Paths:
     link: IntArray
     transmitter: IntArray
     loss: FloatArray
+    loss_std: FloatArray
     wavelength: FloatArray
     rise: FloatArray
     rise_std: FloatArray
@@ -254,11 +255,6 @@ class Wall:
         residual, jacobian = residuals(self.paths, self.line)
         chi2 = chi_squared(self.paths, residual, jacobian, np.zeros((2, 2)))
         return float(np.sum(chi2) / max(2 * self.support - 2, 1))
-
-    @property
-    def loss(self) -> float:
-        """Median reflection loss [dB]."""
-        return float(np.median(self.paths.loss))
 
     @property
     def rise(self) -> tuple[float, float]:

@@ -204,6 +204,7 @@ def paths_of(columns, length_std=0.05, azimuth_std=0.7, loss=6.0):
         link=np.arange(n),
         transmitter=np.zeros(n, dtype=np.int64),
         loss=np.full(n, loss),
+        loss_std=np.zeros(n),
         wavelength=np.full(n, c / FREQUENCY),
         rise=np.full(n, np.nan),
         rise_std=np.full(n, np.nan),
