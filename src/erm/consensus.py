@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from erm.geometry import FloatArray, bisector, mirrored
+from erm.loss import scattered
 from erm.wall import BoolArray, IntArray, Line, Paths, fit_line, misfit, seed_line
 
 GATE = 13.8  # chi-squared of 2 degrees of freedom that one true path in a thousand exceeds
@@ -237,8 +238,13 @@ def _reassigned(images: Images, groups: list[Group], min_support: int) -> list[G
     result = []
     for number, group in enumerate(groups):
         members = np.sort(path[best[owner[best] == number]])
-        if len(members) >= min_support:
-            result.append(Group(fit_line(paths.take(members), group.line), members))
+        if len(members) < min_support:
+            continue
+        line = fit_line(paths.take(members), group.line)
+        mirrored_ones = ~scattered(paths.take(members), line)
+        if mirrored_ones.sum() >= min_support:
+            members = members[mirrored_ones]
+            result.append(Group(line if mirrored_ones.all() else fit_line(paths.take(members), line), members))
     return result
 
 

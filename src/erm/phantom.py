@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from erm.consensus import GATE
 from erm.geometry import FloatArray, bisector, mirrored, unit
-from erm.loss import reflection_loss, refractive_index_squared, typical_loss
+from erm.loss import loss_error, reflection_loss, refractive_index_squared, typical_loss
 from erm.wall import BoolArray, Line, Paths, Wall, anchors
 
 LOSS_TOLERANCE = 4.0  # dB; materials vary along a facade, and two paths in one cell interfere
@@ -31,6 +31,7 @@ class Mirror(NamedTuple):
     low: float  # m along the line
     high: float  # m
     index2: float
+    loss_error: float  # dB
     middle: FloatArray  # of where it stands [m]
 
 
@@ -39,7 +40,8 @@ def mirror_of(wall: Wall, margin: float) -> Mirror:
     along = wall.line.along(wall.points)
     low, high = float(along.min()), float(along.max())
     middle = wall.line.foot() + (low + high) / 2 * wall.line.direction()
-    return Mirror(wall.line, low - margin, high + margin, refractive_index_squared(wall), middle)
+    index2 = refractive_index_squared(wall)
+    return Mirror(wall.line, low - margin, high + margin, index2, loss_error(wall), middle)
 
 
 def composed_of(wall: Wall, mirrors: Sequence[Mirror], climbs: Sequence[FloatArray] = ()) -> bool:
@@ -140,6 +142,7 @@ def _carries(paths: Paths, chain: Sequence[Mirror]) -> BoolArray:
     steep = level / np.hypot(level, paths.tx[:, 2] - paths.rx[:, 2])  # horizontal share of the ray
     possible = np.ones(len(paths), dtype=bool)
     loss = np.zeros(len(paths))
+    error = paths.loss_std**2
     for mirror, image in zip(chain[::-1], images[:0:-1], strict=True):
         before, behind = mirror.line.depth(here), mirror.line.depth(image)
         crosses = before * behind < 0
@@ -150,7 +153,8 @@ def _carries(paths: Paths, chain: Sequence[Mirror]) -> BoolArray:
         along = mirror.line.along(here)
         possible &= crosses & (along > mirror.low) & (along < mirror.high)
         loss += reflection_loss(mirror.index2, cosine)
-    return possible & (paths.loss > loss - LOSS_TOLERANCE)
+        error += mirror.loss_error**2
+    return possible & (paths.loss > loss - LOSS_TOLERANCE - np.sqrt(error))
 
 
 def orders_of_hidden_walls(walls: Sequence[Wall]) -> list[tuple[int, int, int]]:

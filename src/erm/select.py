@@ -83,6 +83,7 @@ def select(
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
     loss = reflection_loss(table)
+    doubt = 2 * table["path_gain_std"].values if threshold == "consistency" else 0.0
     direct = is_direct(table)
     if max_reflection_loss is None:
         max_reflection_loss = CONSISTENT_LOSS if threshold == "consistency" else MAX_REFLECTION_LOSS
@@ -94,8 +95,8 @@ def select(
             geometry.horizontal_length(table["tx_position"], table["rx_position"], path_length(table))
         ),
         "ground bounce": is_ground_bounce(table, ground_height),
-        "stronger than free space": loss < -GAIN_EXCESS,
-        TOO_LOSSY: ~(loss < limit if threshold == "letter" else loss <= limit),
+        "stronger than free space": loss + doubt < -GAIN_EXCESS,
+        TOO_LOSSY: ~(loss < limit if threshold == "letter" else loss - doubt <= limit),
         "elevation of no vertical face": ~fits_vertical_face(table),
     }
     reason = np.full(table.sizes["mpc"], ACCEPTED, dtype=object)

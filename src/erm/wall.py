@@ -141,6 +141,11 @@ def bounce_points(line: Line, tx: FloatArray, rx: FloatArray) -> FloatArray:
     return rx + share[:, None] * (image - rx)
 
 
+def cosine_of_incidence(paths: Paths, line: Line) -> FloatArray:
+    """Cosine (path,) of the angle at which paths meet a wall, in three dimensions."""
+    return np.clip((line.depth(paths.tx) + line.depth(paths.rx)) / paths.length, 0, 1)
+
+
 def misfit(paths: Paths, line: Line) -> FloatArray:
     """Chi-squared (path,) of each path against a wall, the wall's own uncertainty included.
 
@@ -268,5 +273,4 @@ class Wall:
     @property
     def incidence(self) -> FloatArray:
         """Cosine (member,) of the angle of incidence, in three dimensions."""
-        depth = self.line.depth(self.paths.tx) + self.line.depth(self.paths.rx)
-        return np.clip(depth / self.paths.length, 0, 1)
+        return cosine_of_incidence(self.paths, self.line)
