@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from erm.chance import expected_accidents
 from erm.conflicts import Conflicts
 from erm.consensus import GATE
 from erm.extent import Legs, Stretch
@@ -33,6 +34,8 @@ PER_ARRIVAL = -1.0  # each doubling of the place among the reflections of a link
 LEAST_EXCESS = -1.0  # dB; that a face is metal proves nothing, two of metal and stone lose no more than stone
 USUAL_LOSS = (8.5, 13.0)  # dB; concrete to plaster: of a place that tells nothing better
 
+ACCIDENTS = 30.0  # groups as large, expected where no path came off any wall
+ACCIDENTAL = "no more paths agree than by chance"
 CHAIN = "bounced more than once, off other walls"
 OBSTRUCTS = "wall would stand in the way of other paths"
 VAGUE = 0.3  # m; a line less certain than this agrees with anything
@@ -83,6 +86,7 @@ class Trial:
         self.usual_loss = float(np.clip(usual, *USUAL_LOSS))
         self.angles = [float(np.ptp(np.rad2deg(np.arccos(wall.incidence)))) for wall in walls]
         self.arrival = _arrivals(walls)
+        self.accidents = expected_accidents(self.walls)
         nothing = np.zeros(len(walls), dtype=bool)
         alone = [-round(self.plausibility(i, nothing), 6) for i in range(len(walls))]
         loss = [round(typical_loss(wall), 6) for wall in walls]
@@ -94,6 +98,8 @@ class Trial:
 
         What stands in the way of what is decided by which of the two has more to be said for it.
         """
+        if self.accidents[wall] > ACCIDENTS:
+            return ACCIDENTAL
         mean, error = self.walls[wall].rise
         if np.isfinite(error) and abs(mean) > STEEP + 3 * error:
             return TILTED

@@ -19,6 +19,7 @@ AZIMUTH_STD = 3.0  # degree; a 10 degree grid left unrefined is 2.9 degrees rms
 ELEVATION_STD = 3.0  # degree
 GAIN_STD = 0.0  # dB; not looked for, the losses of one wall scatter by more
 LEAST = (1e-12, 1e-2, 1e-2)  # s, degree, degree; 0.3 mm, and 2 mm at 10 m: below, survey and arithmetic rule
+SHARES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0)  # of a common error in the typical one
 NORMAL = 1.4826  # standard deviations of a Gaussian in its median absolute deviation
 FEWEST = 5  # direct paths or residuals that make an estimate
 
@@ -60,6 +61,31 @@ def of_direct_paths(table: "xr.Dataset") -> Noise:
     found = (scale(late[rows]), scale(aside[rows]), climbing)
     delay, azimuth, elevation = (max(value, least) for value, least in zip(found, LEAST, strict=True))
     return Noise(delay, azimuth, elevation, len(rows), "direct paths")
+
+
+def widened(residual: FloatArray, of: FloatArray, std: FloatArray) -> FloatArray:
+    """Standard errors widened to what residuals show.
+
+    Errors that a table underrates may be in proportion to what it says, as those of paths that others disturb, or the
+    same for all, as those of a survey. Of ``f * hypot(std, share * median(std))`` for some shares, with ``f`` the scale of
+    the residuals, the one is taken under which these are likeliest (Student's t of 3 degrees of freedom).
+
+    Parameters
+    ----------
+    residual, of : array (residual,)
+        Residuals and the standard errors they should have.
+    std : array (path,)
+        Standard errors to widen.
+    """
+    typical = float(np.median(of))
+    best, likeliest = std, -np.inf
+    for share in SHARES:
+        own = np.hypot(of, share * typical)
+        factor = scale(residual / own)
+        likelihood = -np.sum(np.log(factor * own) + 2 * np.log1p((residual / (factor * own)) ** 2 / 3))
+        if likelihood > likeliest:
+            best, likeliest = np.maximum(std, factor * np.hypot(std, share * typical)), likelihood
+    return best
 
 
 def scale(errors: FloatArray) -> float:

@@ -14,7 +14,7 @@ from erm.find_poles import Pole, find_poles
 from erm.geometry import FloatArray
 from erm.materials import Material
 from erm.mpc_table import path_length
-from erm.noise import LEAST, scale
+from erm.noise import LEAST, scale, widened
 from erm.loss import refractive_index_squared
 from erm.pieces import Links
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
@@ -54,9 +54,10 @@ def reconstruct(
         ``delay_std`` [s] and ``azimuth_std`` [degree] are the median errors that the residuals agree with.
     """
     rows = np.flatnonzero(table["accepted"].values)
-    paths, groups = search(
-        paths_of(table, rows), table["errors_known"].values[rows], min_support, table.attrs.get("errors_count", 0)
-    )
+    certain = rows[table["reflection_loss"].values[rows] <= table.attrs["max_reflection_loss"]]
+    known = table["errors_known"].values[certain]
+    first, groups = search(paths_of(table, certain), known, min_support, table.attrs.get("errors_count", 0))
+    paths, groups = joined(first, groups, paths_of(table, rows), min_support)
     candidates = [Wall(paths, group.line, group.members) for group in groups]
     verdict = decide(candidates, _witnesses(paths, groups), lines_of_sight(table), _links(table), max_gap)
     in_line = [*verdict.walls, *(wall for wall, _ in verdict.rejected)]
@@ -97,9 +98,28 @@ def search(paths: Paths, known: npt.NDArray[np.bool_], min_support: int, count: 
     return paths, groups
 
 
+def joined(first: Paths, groups: list[Group], paths: Paths, min_support: int) -> tuple[Paths, list[Group]]:
+    """Let paths that may have lost too much join the groups of ``first``, the others, and make groups of their own.
+
+    Their errors are widened as those of the others were; to the estimate of errors they add nothing.
+    """
+    if len(first) in (0, len(paths)):
+        return (first if len(first) else paths), groups
+    at = np.searchsorted(paths.row, first.row)
+    wider = []
+    for name in ("length_std", "azimuth_std"):
+        own = getattr(paths, name)
+        grown = own * float(np.median(getattr(first, name) / own[at]))
+        grown[at] = getattr(first, name)
+        wider.append(grown)
+    paths = paths.with_errors(*wider)
+    return paths, find_groups(paths, min_support, [Group(group.line, at[group.members]) for group in groups])
+
+
 def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: int, groups: list[Group]) -> Paths | None:
     """The paths with errors that agree with the residuals of groups; None where they do already."""
     white, kept = _white_residuals(paths, groups)
+    members = np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])
     new = []
     for column, (std, start, least) in enumerate(
         (
@@ -112,12 +132,12 @@ def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: in
             new.append(std)
             continue
         factor = scale(values)
-        typical = float(np.median(std))
+        own = std[members[kept[:, column]]]
         # the square of a median absolute deviation of n Gaussian errors is right to 1.65 / sqrt(n)
         clear = factor**2 > 1 + CLEAR * 1.65 / np.sqrt(len(values))
-        excess = np.sqrt(factor**2 - 1) * typical if clear else 0.0
+        wider = widened(values * own, own, std) if clear else std
         pooled = np.sqrt((count * start**2 + len(values) * (std * factor) ** 2) / (count + len(values)))
-        new.append(np.where(known, np.hypot(std, excess), np.maximum(pooled, least)))
+        new.append(np.where(known, wider, np.maximum(pooled, least)))
     changed = max(
         float(np.abs(np.log(a / b)).max(initial=0.0))
         for a, b in zip(new, (paths.length_std, paths.azimuth_std), strict=True)
