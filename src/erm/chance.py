@@ -14,15 +14,18 @@ from erm.geometry import FloatArray
 from erm.wall import Wall, anchors, misfit
 
 RING = 3.0  # outer radius of the ring that is counted, in radii of the gate
+ASTRAY = 0.1  # share of members that others disturbed
 FREE = 2  # members that agree because the line was laid through them
 
 
-def expected_accidents(walls: Sequence[Wall]) -> FloatArray:
-    """Number (wall,) of groups as large as each candidate that paths from nowhere would make.
+def odds_against_chance(walls: Sequence[Wall]) -> FloatArray:
+    """Log odds (wall,) of each candidate to be one image and not an accident.
 
-    With ``n`` paths in the ring from one to `RING` radii of the gate, the gate holds ``m = n / (RING**2 - 1)`` by chance.
-    Each of the ``N`` paths starts a search, so ``N P(Poisson(m) >= support - FREE)`` groups are to be expected. Members of
-    larger candidates are accounted for and do not count.
+    With ``n`` paths in the ring from one to `RING` radii of the gate, the gate holds ``m = n / (RING**2 - 1)`` by chance,
+    and of ``N`` searches, one from each path, ``N P(Poisson(m) >= support - FREE)`` find as large a group. Chance also
+    spreads its members evenly over the gate, while chi-squared of true ones is of 2 degrees of freedom: each adds the
+    logarithm of ``(1 - ASTRAY) GATE / 2 exp(-chi2 / 2) + ASTRAY``. Members of larger candidates are accounted for and
+    do not count as paths from nowhere.
     """
     if not walls:
         return np.empty(0)
@@ -32,7 +35,7 @@ def expected_accidents(walls: Sequence[Wall]) -> FloatArray:
     for wall in walls:
         size[wall.members] = np.maximum(size[wall.members], wall.support)
     radius = RING * REACH * float(images.across.max() + images.along.max())
-    accidents = np.zeros(len(walls))
+    odds = np.zeros(len(walls))
     for number, wall in enumerate(walls):
         front = np.flatnonzero(wall.line.depth(images.transmitters) > 0)
         near = images.around(anchors(wall.line, images.transmitters[front]), front, radius)
@@ -40,5 +43,7 @@ def expected_accidents(walls: Sequence[Wall]) -> FloatArray:
         chi2 = misfit(paths.take(near), wall.line)
         chance = np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE)) / (RING**2 - 1)
         # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
-        accidents[number] = len(paths) * gammainc(max(wall.support - FREE, 1), chance)
-    return accidents
+        accidents = len(paths) * gammainc(max(wall.support - FREE, 1), chance)
+        fit = (1 - ASTRAY) * GATE / 2 * np.exp(-wall.misfits / 2) + ASTRAY
+        odds[number] = np.log(fit).sum() - np.log(max(accidents, 1.0))
+    return odds

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erm.chance import expected_accidents
+from erm.chance import odds_against_chance
 from erm.conflicts import Conflicts
 from erm.consensus import GATE
 from erm.extent import Legs, Stretch
@@ -13,6 +13,7 @@ from erm.geometry import angle_difference
 from erm.loss import SCATTER, loss_at_normal_incidence, loss_error, typical_loss, weighted_quantile
 from erm.phantom import composed_of, mirror_of, orders_of_hidden_walls
 from erm.pieces import Links, pieces_of
+from erm.select import CONSISTENT_LOSS
 from erm.wall import BoolArray, IntArray, Wall, fit_line, misfit
 
 TWIN_OFFSET = 0.02  # m; lines nearer than this, or than their errors, are one
@@ -34,7 +35,7 @@ PER_ARRIVAL = -1.0  # each doubling of the place among the reflections of a link
 LEAST_EXCESS = -1.0  # dB; that a face is metal proves nothing, two of metal and stone lose no more than stone
 USUAL_LOSS = (8.5, 13.0)  # dB; concrete to plaster: of a place that tells nothing better
 
-ACCIDENTS = 30.0  # groups as large, expected where no path came off any wall
+LEAST_ODDS = 0.0  # log odds against chance of candidates whose paths are too weak for walls by all but their errors
 ACCIDENTAL = "no more paths agree than by chance"
 CHAIN = "bounced more than once, off other walls"
 OBSTRUCTS = "wall would stand in the way of other paths"
@@ -86,7 +87,8 @@ class Trial:
         self.usual_loss = float(np.clip(usual, *USUAL_LOSS))
         self.angles = [float(np.ptp(np.rad2deg(np.arccos(wall.incidence)))) for wall in walls]
         self.arrival = _arrivals(walls)
-        self.accidents = expected_accidents(self.walls)
+        self.weak = [bool(np.mean(wall.paths.loss > CONSISTENT_LOSS) > 0.5) for wall in walls]
+        self.against_chance = odds_against_chance(self.walls)
         nothing = np.zeros(len(walls), dtype=bool)
         alone = [-round(self.plausibility(i, nothing), 6) for i in range(len(walls))]
         loss = [round(typical_loss(wall), 6) for wall in walls]
@@ -98,7 +100,7 @@ class Trial:
 
         What stands in the way of what is decided by which of the two has more to be said for it.
         """
-        if self.accidents[wall] > ACCIDENTS:
+        if self.weak[wall] and self.against_chance[wall] < LEAST_ODDS:
             return ACCIDENTAL
         mean, error = self.walls[wall].rise
         if np.isfinite(error) and abs(mean) > STEEP + 3 * error:
@@ -190,9 +192,10 @@ def _arrivals(walls: Sequence[Wall]) -> list[float]:
     paths = walls[0].all_paths
     order = np.lexsort((np.round(paths.length, 6), paths.link))
     first = np.searchsorted(paths.link[order], paths.link)
+    counted = np.r_[0, np.cumsum(paths.loss[order] <= CONSISTENT_LOSS)]  # ghosts of others are weak
     earlier = np.empty(len(paths), dtype=np.int64)
-    earlier[order] = np.arange(len(paths))
-    place = np.log2(1 + earlier - first)
+    earlier[order] = counted[:-1]
+    place = np.log2(1 + earlier - counted[first])
     return [float(place[wall.members].mean()) for wall in walls]
 
 

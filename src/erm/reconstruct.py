@@ -12,10 +12,10 @@ from erm.environment import Environment, Slab, make_reflectors
 from erm.extent import MOST_MARGIN, Legs, ends_of
 from erm.find_poles import Pole, find_poles
 from erm.geometry import FloatArray
+from erm.loss import refractive_index_squared
 from erm.materials import Material
 from erm.mpc_table import path_length
 from erm.noise import LEAST, scale, widened
-from erm.loss import refractive_index_squared
 from erm.pieces import Links
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
 from erm.wall import IntArray, Paths, Wall, residuals

@@ -254,12 +254,16 @@ class Wall:
         """Number of antenna pairs that saw the wall."""
         return len(self.members)
 
+    @cached_property
+    def misfits(self) -> FloatArray:
+        """Chi-squared (member,) of each path, the line taken as exact."""
+        residual, jacobian = residuals(self.paths, self.line)
+        return chi_squared(self.paths, residual, jacobian, np.zeros((2, 2)))
+
     @property
     def strain(self) -> float:
         """Chi-squared a degree of freedom; far above 1 where the standard errors were too small."""
-        residual, jacobian = residuals(self.paths, self.line)
-        chi2 = chi_squared(self.paths, residual, jacobian, np.zeros((2, 2)))
-        return float(np.sum(chi2) / max(2 * self.support - 2, 1))
+        return float(np.sum(self.misfits) / max(2 * self.support - 2, 1))
 
     @property
     def rise(self) -> tuple[float, float]:
