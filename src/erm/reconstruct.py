@@ -18,7 +18,7 @@ from erm.mpc_table import path_length
 from erm.noise import LEAST, scale, widened
 from erm.pieces import Links
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
-from erm.wall import IntArray, Paths, Wall, residuals
+from erm.wall import IntArray, Paths, Wall, bounce_points, fit_line, residuals
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -113,7 +113,23 @@ def joined(first: Paths, groups: list[Group], paths: Paths, min_support: int) ->
         grown[at] = getattr(first, name)
         wider.append(grown)
     paths = paths.with_errors(*wider)
-    return paths, find_groups(paths, min_support, [Group(group.line, at[group.members]) for group in groups])
+    known = [Group(group.line, at[group.members]) for group in groups]
+    grown = find_groups(paths, min_support, known)
+    sure = np.zeros(len(paths), dtype=bool)
+    sure[at] = True
+    return paths, [_not_longer(paths, group, sure, min_support) for group in grown]
+
+
+def _not_longer(paths: Paths, group: Group, sure: npt.NDArray[np.bool_], min_support: int) -> Group:
+    """A group without the unsure paths beyond its sure ones: those make no wall longer that these have found."""
+    line, members = group
+    certain = sure[members]
+    if certain.sum() < min_support:
+        return group
+    along = line.along(bounce_points(line, paths.tx[members], paths.rx[members]))
+    within = (along >= along[certain].min()) & (along <= along[certain].max())
+    kept = members[certain | within]
+    return Group(fit_line(paths.take(kept), line), kept)
 
 
 def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: int, groups: list[Group]) -> Paths | None:
