@@ -8,6 +8,7 @@ import numpy as np
 from erm.chance import odds_against_chance
 from erm.conflicts import Conflicts
 from erm.consensus import GATE
+from erm.corners import corners_on
 from erm.extent import Legs, Stretch
 from erm.geometry import angle_difference
 from erm.loss import SCATTER, loss_at_normal_incidence, loss_error, typical_loss, weighted_quantile
@@ -81,6 +82,8 @@ class Trial:
         for one, other, known in orders_of_hidden_walls(walls):
             self.betrayed_by[one].add(known)
             self.betrayed_by[other].add(known)
+        for one, known in corners_on(walls):
+            self.betrayed_by[one].add(known)
         self.loss_error = np.array([loss_error(wall) for wall in walls])
         known = support / (self.loss_error**2 + SCATTER**2)
         usual = weighted_quantile(self.loss, known, 0.1) if len(walls) else 0.0
