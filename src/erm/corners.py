@@ -1,7 +1,7 @@
 """Right-angled corners, of which one wall was never seen alone: their double bounces give themselves away.
 
-Two mirrors at a right angle commute, and together turn the plane by half a turn about their corner. So the image lies as far
-beyond the corner as the transmitter before it, whichever wall comes first, and the corner lies on both.
+Two mirrors at a right angle commute, and together turn the plane by half a turn about their corner. So the image lies
+as far beyond the corner as the transmitter before it, whichever wall comes first, and the corner lies on both.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ GAIN = 1.0  # dB; two bounces lose no less than the one of them that is known
 def corners_on(walls: Sequence[Wall]) -> list[tuple[int, int]]:
     """Pairs (one, known) where one is a double bounce off a known wall and a hidden one at right angles to it.
 
-    Half-way between transmitter and image is the foot of the perpendicular from the transmitter to a wall that is one. That
-    it falls onto another wall's line within centimetres happens to a real wall by accident only.
+    Half-way between transmitter and image is the foot of the perpendicular from the transmitter to a wall that is one.
+    That it falls onto another wall's line within centimetres happens to a real wall by accident only.
     """
     found = []
     losses = [(typical_loss(wall), loss_error(wall)) for wall in walls]

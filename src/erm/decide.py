@@ -36,7 +36,7 @@ PER_ARRIVAL = -1.0  # each doubling of the place among the reflections of a link
 LEAST_EXCESS = -1.0  # dB; that a face is metal proves nothing, two of metal and stone lose no more than stone
 USUAL_LOSS = (8.5, 13.0)  # dB; concrete to plaster: of a place that tells nothing better
 
-LEAST_ODDS = 0.0  # log odds against chance of candidates whose paths are too weak for walls by all but their errors
+LEAST_ODDS = 2.0  # of a candidate whose paths are too weak for a wall but for their errors; six in seven are none
 ACCIDENTAL = "no more paths agree than by chance"
 CHAIN = "bounced more than once, off other walls"
 OBSTRUCTS = "wall would stand in the way of other paths"
@@ -85,13 +85,13 @@ class Trial:
         for one, known in corners_on(walls):
             self.betrayed_by[one].add(known)
         self.loss_error = np.array([loss_error(wall) for wall in walls])
-        known = support / (self.loss_error**2 + SCATTER**2)
-        usual = weighted_quantile(self.loss, known, 0.1) if len(walls) else 0.0
+        sure = support / (self.loss_error**2 + SCATTER**2)
+        usual = weighted_quantile(self.loss, sure, 0.1) if len(walls) else 0.0
         self.usual_loss = float(np.clip(usual, *USUAL_LOSS))
         self.angles = [float(np.ptp(np.rad2deg(np.arccos(wall.incidence)))) for wall in walls]
         self.arrival = _arrivals(walls)
         self.weak = [bool(np.mean(wall.paths.loss > CONSISTENT_LOSS) > 0.5) for wall in walls]
-        self.against_chance = odds_against_chance(self.walls)
+        self.against_chance = odds_against_chance(self.walls, self.weak)
         nothing = np.zeros(len(walls), dtype=bool)
         alone = [-round(self.plausibility(i, nothing), 6) for i in range(len(walls))]
         loss = [round(typical_loss(wall), 6) for wall in walls]

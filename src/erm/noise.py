@@ -67,8 +67,8 @@ def widened(residual: FloatArray, of: FloatArray, std: FloatArray) -> FloatArray
     """Standard errors widened to what residuals show.
 
     Errors that a table underrates may be in proportion to what it says, as those of paths that others disturb, or the
-    same for all, as those of a survey. Of ``f * hypot(std, share * median(std))`` for some shares, with ``f`` the scale of
-    the residuals, the one is taken under which these are likeliest (Student's t of 3 degrees of freedom).
+    same for all, as those of a survey. Of ``f * hypot(std, share * median(std))`` for some shares, with ``f`` the scale
+    of the residuals, the one is taken under which these are likeliest (Student's t of 3 degrees of freedom).
 
     Parameters
     ----------

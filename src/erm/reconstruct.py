@@ -103,13 +103,13 @@ def joined(first: Paths, groups: list[Group], paths: Paths, min_support: int) ->
 
     Their errors are widened as those of the others were; to the estimate of errors they add nothing.
     """
-    if len(first) in (0, len(paths)):
-        return (first if len(first) else paths), groups
+    if len(first) == len(paths):
+        return first, groups
     at = np.searchsorted(paths.row, first.row)
     wider = []
     for name in ("length_std", "azimuth_std"):
         own = getattr(paths, name)
-        grown = own * float(np.median(getattr(first, name) / own[at]))
+        grown = own * (float(np.median(getattr(first, name) / own[at])) if len(first) else 1.0)
         grown[at] = getattr(first, name)
         wider.append(grown)
     paths = paths.with_errors(*wider)
