@@ -14,6 +14,7 @@ from erm.conflicts import BEYOND
 from erm.consensus import GATE, find_groups
 from erm.extent import Footprint, Legs, footprint, stretches
 from erm.geometry import FloatArray, angle_difference, azimuth_of, point_covariance, reflection_point
+from erm.loss import weighted_quantile
 from erm.pieces import SOLID_GAP
 from erm.wall import IntArray, Paths, Wall
 
@@ -116,10 +117,15 @@ def _pole(paths: Paths, start: FloatArray, spread: FloatArray, around: IntArray,
         members = gathered
     one = paths.take(members)
     radii, heights = _radii(one, place)
-    radius = float(np.median(radii))
-    alike = 10 * np.median(np.abs(np.log10(radii / radius))) < ALIKE
-    if not (alike and THINNEST < radius < THICKEST):
+    weight = 1 / (one.loss_std**2 + ALIKE**2)
+    middle = weighted_quantile(10 * np.log10(radii), weight, 0.5)
+    apart = np.abs(10 * np.log10(radii) - middle) / np.hypot(1.0, one.loss_std / ALIKE)
+    # gains beyond the fan are all wrong alike, so their errors are not averaged
+    error = float(np.sum(weight * one.loss_std) / np.sum(weight))
+    thinnest, thickest = 10 ** ((middle - error) / 10), 10 ** ((middle + error) / 10)
+    if weighted_quantile(apart, weight, 0.5) > ALIKE or thickest < THINNEST or thinnest > THICKEST:
         return None
+    radius = float(np.clip(10 ** (middle / 10), THINNEST, THICKEST))
     # the fitted point is on the surface, on the side of the antennas
     inward = place - (one.tx[:, :2].mean(axis=0) + one.rx[:, :2].mean(axis=0)) / 2
     return Pole(place + radius * inward / np.linalg.norm(inward), covariance, radius, float(heights.max()), members)
