@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STRONGEST = 3  # components of a position that are looked for
-BEYOND, STOREYS = 5.0, 10.0  # m; how much longer and higher than seen walls are taken to be
+BEYOND, STOREYS = 7.5, 10.0  # m; how much longer and higher than seen walls may be: gaps of 15 m are closed
 DELAY, AZIMUTH, GAIN = 0.5e-9, 2.0, 3.0  # s, degree, dB; a prediction nearer than this is right
 
 
@@ -69,16 +69,21 @@ def leave_one_out(
         held = table.isel(mpc=np.flatnonzero(link == one))
         environment, _ = reconstruct(select(table.isel(mpc=np.flatnonzero(link != one))))
         ends = (held["tx_position"].values[0], held["rx_position"].values[0])
-        paths = trace(prolonged(environment, beyond), *ends, float(held["frequency"].values[0]), max_order=max_order)
+        frequency = float(held["frequency"].values[0])
+        # a wall made longer reflects more and hides more; what either map shows is predicted
+        maps = (environment, prolonged(environment, beyond))
+        both = [trace(one_map, *ends, frequency, max_order=max_order) for one_map in maps]
+        delay, azimuth, gain = (
+            np.concatenate([paths[name].values for paths in both]) for name in ("delay", "azimuth", "path_gain")
+        )
         rows = np.argsort(-held["path_gain"].values, kind="stable")[:strongest]
         errors = np.full((3, len(rows)), np.nan)
         for column, row in enumerate(rows):
-            late = paths["delay"].values - held["delay"].values[row]
-            aside = angle_difference(paths["azimuth"].values, held["azimuth"].values[row])
+            late = delay - held["delay"].values[row]
+            aside = angle_difference(azimuth, held["azimuth"].values[row])
             if len(late):
                 near = int(np.argmin((late / DELAY) ** 2 + (aside / AZIMUTH) ** 2))
-                gain = paths["path_gain"].values[near] - held["path_gain"].values[row]
-                errors[:, column] = late[near], aside[near], gain
+                errors[:, column] = late[near], aside[near], gain[near] - held["path_gain"].values[row]
         result.append(Prediction(str(held["position"].values[0]), *errors))
     return result
 
