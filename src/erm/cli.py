@@ -24,8 +24,9 @@ MapFile = Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv
 
 
 class Threshold(StrEnum):
-    """How single reflections are told by their loss."""
+    """How single reflections are told from others."""
 
+    consistency = "consistency"
     fixed = "fixed"
     letter = "letter"
 
@@ -39,9 +40,11 @@ def reconstruct(
     rps: Annotated[Path | None, typer.Option(help="Also write the accepted reflection points (.csv).")] = None,
     figure: Annotated[Path | None, typer.Option(help="Also draw the map (.png, .pdf, .svg).")] = None,
     threshold: Annotated[
-        Threshold, typer.Option(help="Largest loss of a single reflection: fixed, or the letter's Eq. 4.")
-    ] = Threshold.fixed,
-    max_loss: Annotated[float, typer.Option(help="The fixed threshold [dB].")] = 12.0,
+        Threshold, typer.Option(help="Single reflections: by consistency, below a fixed loss, or the letter's Eq. 4.")
+    ] = Threshold.consistency,
+    max_loss: Annotated[
+        float | None, typer.Option(help="Largest loss [dB]; 20 for consistency, 12 for fixed.", show_default=False)
+    ] = None,
     min_support: Annotated[int, typer.Option(min=1, help="Antenna pairs that must share a wall.")] = 3,
     ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
 ) -> None:
@@ -73,24 +76,38 @@ def reconstruct(
 
         console.save_figure(plot_map(environment, table=merged), figure)
     walls = environment.reflectors
+    kind = walls["kind"].values
     length = np.linalg.norm(walls["end_points"].values[:, 1] - walls["end_points"].values[:, 0], axis=-1)
     columns = [*(walls[name].values for name in ("normal", "offset")), length, walls["top"].values]
     rows = np.column_stack(columns)
     console.show(
-        ["wall", "normal [degree]", "offset [m]", "length [m]", "top [m]", "paths"],
-        ([i, *map(_number, row), n] for i, (row, n) in enumerate(zip(rows, walls["support"].values, strict=True))),
+        ["reflector", "kind", "normal [degree]", "offset [m]", "length [m]", "top [m]", "paths"],
+        (
+            [i, name, *map(_number, row), n]
+            for i, (name, row, n) in enumerate(zip(kind, rows, walls["support"].values, strict=True))
+        ),
     )
-    print(f"{out}: {len(rows)} walls from {int(merged.accepted.sum())} of {table.sizes['mpc']} components")
+    counted = f"{np.sum(kind == 'wall')} walls and {np.sum(kind == 'pole')} poles"
+    print(f"{out}: {counted} from {int(merged.accepted.sum())} of {table.sizes['mpc']} components")
+    if "delay_std" in merged.attrs:
+        errors = merged.attrs["delay_std"] * 1e9, merged.attrs["azimuth_std"]
+        source = merged.attrs["errors_from"]
+        print(f"errors: {errors[0]:.2g} ns, {errors[1]:.2g} degrees, typically; from {source} and residuals")
     console.complain(complaints)
 
 
 @app.command()
 def evaluate(
     environment: MapFile,
-    outline: Annotated[Path, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)],
     mpcs: Annotated[
         list[Path] | None, typer.Argument(help="MPCs whose reflection points are judged too.", show_default=False)
     ] = None,
+    outline: Annotated[
+        Path | None, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)
+    ] = None,
+    leave_one_out: Annotated[
+        bool, typer.Option("--leave-one-out", help="Predict each position of the MPCs from the map of the others.")
+    ] = False,
     z_slice: Annotated[
         float | None, typer.Option(help="Keep outline features with this z_slice_m; default the lowest.")
     ] = None,
@@ -99,7 +116,7 @@ def evaluate(
     ] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Judge a map against a known outline."""
+    """Judge a map by a known outline, or by what it predicts."""
     import json
 
     from erm.environment import Environment
@@ -107,6 +124,22 @@ def evaluate(
     from erm.mpc_table import read_mpcs
     from erm.outline import outline_of, read_outline
 
+    if leave_one_out:
+        if not mpcs:
+            raise typer.BadParameter("--leave-one-out needs the MPCs that the map was made from")
+        from erm.holdout import leave_one_out as predict_each
+        from erm.holdout import score
+
+        table, complaints = read_mpcs(mpcs)
+        held = score(predict_each(table))
+        if as_json:
+            print(json.dumps(rounded(held, digits=14), indent=2))
+        else:
+            console.show(["leave one out", "result"], ([name, f"{value:.3g}"] for name, value in held.items()))
+        console.complain(complaints)
+        return
+    if outline is None:
+        raise typer.BadParameter("say what to judge by: --outline FILE or --leave-one-out")
     found = Environment.read(environment)
     if outline.suffix.lower() in (".geojson", ".json"):
         truth = read_outline(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
@@ -116,7 +149,7 @@ def evaluate(
             raise DataError(f"{outline}: holds no wall; expected some to judge by")
     walls = evaluate_walls(found, truth)
     result: dict = {"walls": walls}
-    complaints: list[str] = []
+    complaints = []
     if mpcs:
         table, complaints = read_mpcs(mpcs)
         result["points"] = evaluate_mpcs(table, truth)

@@ -191,6 +191,7 @@ class Environment:
         *,
         base: ArrayLike = 0.0,
         top: ArrayLike = np.inf,
+        support: ArrayLike = 0,
         material: ArrayLike = "metal",
     ) -> "Environment":
         """The same place with vertical poles at centres (pole, 2) [m] after its reflectors."""
@@ -198,7 +199,13 @@ class Environment:
 
         centre = np.asarray(centres, dtype=float).reshape(-1, 1, 2)
         poles = make_reflectors(
-            np.repeat(centre, 2, axis=1), kind="pole", radius=radius, base=base, top=top, material=material
+            np.repeat(centre, 2, axis=1),
+            kind="pole",
+            radius=radius,
+            base=base,
+            top=top,
+            support=support,
+            material=material,
         )
         joined = xr.concat([self.reflectors, poles], dim="reflector")
         return replace(self, reflectors=joined)

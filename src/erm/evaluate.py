@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
 FOUND_DISTANCE = 1.0  # m; a wall nearer than this to a face stands for it
 FOUND_ANGLE = 10.0  # degree
-STEP = 0.5  # m; spacing of the points by which two walls are compared
+STEP = 0.5  # m; spacing of the points by which two walls are matched
+CLOSE = 0.25  # m; a stretch of wall nearer than this to a face stands where the face does
+FINE = 0.05  # m; spacing of the points by which lengths are measured
 
 
 class PointErrors(NamedTuple):
@@ -102,12 +104,18 @@ def evaluate_mpcs(table: "xr.Dataset", outline: FloatArray) -> dict[str, dict[st
         `evaluate_points` of ``single``, the point of each path by itself; ``merged``, where the wall of
         all paths reflects it; ``planar``, by the letter's equations with the slant delay.
     """
-    _, merged = reconstruct(select(table))
-    kept = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
+    environment, merged = reconstruct(select(table))
+    kept = on_walls(merged, environment)
     path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
     planar, _ = reflection_point(*path, planar=True)
     points = {"single": kept["reflection_point"].values, "merged": kept["wall_point"].values, "planar": planar}
     return {kind: evaluate_points(value, outline) for kind, value in points.items()}
+
+
+def on_walls(merged: "xr.Dataset", environment: Environment) -> "xr.Dataset":
+    """Components of `erm.reconstruct` that a wall reflected: accepted ones but those off poles."""
+    is_wall = np.r_[environment.reflectors["kind"].values == "wall", False]  # the last for index -1, none
+    return merged.isel(mpc=np.flatnonzero(is_wall[merged["wall"].values]))
 
 
 def evaluate_walls(
@@ -133,8 +141,9 @@ def evaluate_walls(
     -------
     dict
         ``walls`` in the map, of these ``false`` ones, ``found`` and ``missed`` faces of the outline,
-        ``angle_error`` [degree] and ``offset_error`` [m] summaries over the true walls, and ``matches`` (for
-        each wall the face that most of it stands for, -1 if false).
+        ``completeness`` and ``correctness`` (`covered_share`), ``angle_error`` [degree] and ``offset_error`` [m]
+        summaries over the true walls, and ``matches`` (for each wall the face that most of it stands for, -1 if
+        false). The offset error is the distance of a wall's middle from the line of its face.
     """
     walls = outline_of(environment)
     matches: list[int] = []
@@ -142,7 +151,7 @@ def evaluate_walls(
     offsets: list[float] = []
     seen = np.zeros(len(outline), dtype=bool)
     for wall in walls:
-        faces, distances, turned = _faces_behind(wall, outline)
+        faces, distances, turned = _faces_behind(wall, outline, STEP)
         on_face = faces[distances < FOUND_DISTANCE]
         if 2 * len(on_face) <= len(faces):
             matches.append(-1)
@@ -159,10 +168,32 @@ def evaluate_walls(
         "false": matches.count(-1),
         "found": int(np.sum(seen & wanted)),
         "missed": int(np.sum(~seen & wanted)),
+        "completeness": covered_share(outline[wanted], walls),
+        "correctness": covered_share(walls, outline),
         "angle_error": summary(angles),
         "offset_error": summary(offsets),
         "matches": matches,
     }
+
+
+def covered_share(segments: FloatArray, others: FloatArray) -> float:
+    """Share of the length of segments that has a parallel one of others within ``CLOSE``.
+
+    Of a map's walls against an outline it is the map's correctness; of an outline against the map its
+    completeness. NaN where there is no length.
+
+    Parameters
+    ----------
+    segments, others : array (segment, 2 ends, 2)
+        [m].
+    """
+    covered = total = 0.0
+    for segment in segments:
+        length = float(np.linalg.norm(segment[1] - segment[0]))
+        _, distances, _ = _faces_behind(segment, others, FINE)
+        covered += length * float(np.mean(distances < CLOSE))
+        total += length
+    return covered / total if total else float("nan")
 
 
 def face_hits(points: npt.ArrayLike, outline: FloatArray, tolerance: float = 0.05) -> npt.NDArray[np.int64]:
@@ -184,10 +215,13 @@ def rounded(result: Mapping[str, Any], digits: int = 4) -> dict[str, Any]:
     return {key: plain(value) for key, value in result.items()}
 
 
-def _faces_behind(wall: FloatArray, outline: FloatArray) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
+def _faces_behind(
+    wall: FloatArray, outline: FloatArray, step: float
+) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
     """For samples of a wall: nearest parallel face and its distance [m]; and each face's angle [degree]."""
     length = float(np.linalg.norm(wall[1] - wall[0]))
-    share = (np.arange(max(1, round(length / STEP))) + 0.5) / max(1, round(length / STEP))
+    count = max(1, round(length / step))
+    share = (np.arange(count) + 0.5) / count
     samples = wall[0] + share[:, None] * (wall[1] - wall[0])
     own, theirs = azimuth_of(wall[1] - wall[0]), azimuth_of(outline[:, 1] - outline[:, 0])
     turned = np.abs(angle_difference(2 * theirs, 2 * own)) / 2  # lines, not arrows

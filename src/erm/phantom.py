@@ -1,116 +1,191 @@
-"""Walls that are not there: double bounces taken for single ones, and what gives them away."""
+"""Walls that are not there: chains of bounces taken for single ones, and what gives them away.
 
-from collections.abc import Callable, Sequence
-from itertools import permutations
+The image of an image is as fixed a point as the image in one wall, so paths off two walls agree on a third from
+everywhere, and support alone cannot tell. Three things can: the point is composed of mirrors already known; such a wall
+would stand, or have its paths pass, where other paths show free air or walls; and it loses what both walls lose.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from erm.geometry import FloatArray, angle_difference, azimuth_of, bisector
-from erm.merge import GATE
-from erm.wall import BoolArray, Legs, Line, Paths, Wall, anchors, chi_squared
+from erm.consensus import GATE
+from erm.geometry import FloatArray, bisector, mirrored, unit
+from erm.loss import loss_error, reflection_loss, refractive_index_squared, typical_loss
+from erm.wall import BoolArray, Line, Paths, Wall, anchors
 
-STEP = 1e-4  # degree and metre, of finite differences; mirrors are smooth over hundreds of these
+LOSS_TOLERANCE = 4.0  # dB; materials vary along a facade, and two paths in one cell interfere
+ALTERNATIVES = 3  # first mirrors tried for each rest of a chain
+EXTRA_LOSS = 1.0  # dB; a double bounce loses at least this much more than either of its walls alone
+LOSS_OF_ORDER = 3.0  # dB; the two orders of one double bounce meet the same walls at other angles
+NEAREST, NEAREST_OF_THREE = 64, 32  # walls about a phantom of which it may be composed
+SMOOTH = 2e-3  # m; facades are not mirrors to better than this
 
 
-def bounced_twice(paths: Paths, walls: Sequence[Line], ground_height: float) -> BoolArray:
-    """Paths (path,) that two bounces explain: off two of the walls, or off a wall and the ground.
+class Mirror(NamedTuple):
+    """An accepted wall: its line, how far along it stands, and its refractive index squared."""
 
-    The image of the image, ``VA_ab = mirror_b(mirror_a(tx))``, is as fixed a point as the image in one wall.
-    Paths off both walls agree on it from everywhere, so support alone cannot tell them from a third wall.
+    line: Line
+    low: float  # m along the line
+    high: float  # m
+    index2: float
+    loss_error: float  # dB
+    middle: FloatArray  # of where it stands [m]
+
+
+def mirror_of(wall: Wall, margin: float) -> Mirror:
+    """Return the wall as a mirror that may reach a margin [m] beyond its reflection points."""
+    along = wall.line.along(wall.points)
+    low, high = float(along.min()), float(along.max())
+    middle = wall.line.foot() + (low + high) / 2 * wall.line.direction()
+    index2 = refractive_index_squared(wall)
+    return Mirror(wall.line, low - margin, high + margin, index2, loss_error(wall), middle)
+
+
+def composed_of(wall: Wall, mirrors: Sequence[Mirror], climbs: Sequence[FloatArray] = ()) -> bool:
+    """Whether two or three bounces off mirrors explain most paths of a wall.
+
+    Undoing a mirror takes the image one bounce back; when what is left is the image in another mirror, the paths
+    from there to the receivers meet both in turn where these may stand, and lose no less than both, the wall is
+    not needed.
+
+    Parameters
+    ----------
+    mirrors : sequence of Mirror
+        Accepted walls, the one in question not among them.
     """
-    explained = np.zeros(len(paths), dtype=bool)
-    climb = paths.tx[:, 2] - paths.rx[:, 2]
-    from_ground = paths.tx[:, 2] + paths.rx[:, 2] - 2 * ground_height
-    for a, b in permutations(walls, 2):
-        explained |= _misfit_of_chain(paths, (a, b), climb) < GATE
-    for a in walls:
-        explained |= _misfit_of_chain(paths, (a,), from_ground) < GATE
-    return explained
+    transmitters, counts = np.unique(wall.paths.transmitter, return_counts=True)
+    if not mirrors or np.count_nonzero(counts > 1) > 1:  # a chain has no line that holds for other transmitters
+        return False
+    middle = wall.points[:, :2].mean(axis=0)
+    away = np.sum((np.array([mirror.middle for mirror in mirrors]) - middle) ** 2, axis=-1)
+    mirrors = [mirrors[i] for i in np.argsort(away, kind="stable")[:NEAREST]]
+    one = transmitters[np.argmax(counts)]
+    members = np.flatnonzero(wall.paths.transmitter == one)
+    paths = wall.paths.take(members)
+    tx = paths.tx[0, :2]
+    spread = _image_slopes(wall.line, tx)
+    covariance = spread @ wall.line.covariance @ spread.T
+    explained = np.zeros(len(members), dtype=bool)
+    for chain in _chains(tx, anchors(wall.line, tx), covariance, mirrors):
+        explained |= _carries(paths, [mirrors[i] for i in chain])
+    return bool(np.mean(explained) > 0.5)
 
 
-def share_hidden_wall(wall: Wall, other: Wall, known: Wall) -> bool:
-    """Whether two walls are the two orders of one double bounce, off a known wall and one nobody saw alone.
-
-    If ``wall`` is the image of "hidden, then known", undoing the known mirror leaves the hidden wall; "known,
-    then hidden" must then explain the paths of ``other``. Two real walls meet this by accident only.
-    """
-    tx = wall.paths.tx[0, :2]
-
-    def hidden_then_known(candidate: Line, mirror: Line) -> Line:
-        image = anchors(mirror, anchors(candidate, tx))
-        normal, offset = bisector(tx - candidate.pivot, image - candidate.pivot)
-        return Line(float(normal), float(offset), np.zeros((2, 2)), candidate.pivot)
-
-    def known_then_hidden(candidate: Line, mirror: Line) -> Line:
-        ends = (anchors(mirror, tx) - candidate.pivot, anchors(candidate, tx) - candidate.pivot)
-        normal, offset = bisector(*ends)
-        return Line(float(normal), float(offset), np.zeros((2, 2)), candidate.pivot)
-
-    climb = other.paths.tx[:, 2] - other.paths.rx[:, 2]
-    for hidden_in, reverse in ((hidden_then_known, False), (known_then_hidden, True)):
-        hidden = _with_covariance(hidden_in, wall.line, known.line)
-        chain = (hidden, known.line) if reverse else (known.line, hidden)
-        if np.mean(_misfit_of_chain(other.paths, chain, climb) < GATE) > 0.5:
-            return True
-    return False
-
-
-def _with_covariance(function: Callable[[Line, Line], Line], a: Line, b: Line) -> Line:
-    """Line that a function makes of two others, with the covariance that follows from theirs."""
-    value = function(a, b)
-    slopes = []
-    for moved in (
-        lambda d: (a._replace(normal=a.normal + d), b),
-        lambda d: (a._replace(offset=a.offset + d), b),
-        lambda d: (a, b._replace(normal=b.normal + d)),
-        lambda d: (a, b._replace(offset=b.offset + d)),
+def _chains(
+    tx: FloatArray, image: FloatArray, covariance: FloatArray, mirrors: Sequence[Mirror]
+) -> list[tuple[int, ...]]:
+    """Sequences of mirrors, transmitter first, that take the transmitter to the image within the errors."""
+    count = len(mirrors)
+    normals = np.array([m.line.normal for m in mirrors])
+    pivots = np.array([m.line.pivot for m in mirrors])
+    offsets = np.array([m.line.offset for m in mirrors])
+    own = np.array([m.line.covariance for m in mirrors])
+    absolute = offsets + np.sum(unit(normals) * pivots, axis=-1)
+    first = mirrored(tx, normals, absolute)
+    slopes = _slopes(normals, offsets, tx - pivots)
+    spread = np.sqrt(np.trace(slopes @ own @ slopes.swapaxes(1, 2), axis1=1, axis2=2))
+    radius = 4 * (np.sqrt(np.trace(covariance)) + 2 * spread.max() + SMOOTH)
+    tree = cKDTree(first)
+    once = mirrored(image, normals, absolute)  # by the last mirror, b
+    few = slice(0, min(count, NEAREST_OF_THREE))
+    twice = mirrored(once[few, None], normals[few], absolute[few]).reshape(-1, 2)  # and by the one before it, c
+    near = tree.query(np.vstack([once, twice]), k=min(ALTERNATIVES, count), distance_upper_bound=radius)[1]
+    near = near.reshape(count + len(twice), -1)
+    row, column = np.nonzero(near < count)
+    a = near[row, column]
+    double = row < count
+    b = np.where(double, row, (row - count) // max(few.stop, 1))
+    middle = np.where(double, -1, (row - count) % max(few.stop, 1))
+    possible = np.where(double, a != b, (a != middle) & (b != middle))
+    found: list[tuple[int, ...]] = []
+    for chosen, chain in (
+        (possible & double, np.stack([a, b], axis=1)),
+        (possible & ~double, np.stack([a, middle, b], axis=1)),
     ):
-        up, down = function(*moved(STEP)), function(*moved(-STEP))
-        turn = float(angle_difference(up.normal, down.normal))
-        slopes.append([turn / (2 * STEP), (up.offset - down.offset) / (2 * STEP)])
-    jacobian = np.transpose(slopes)
-    covariance = np.zeros((4, 4))
-    covariance[:2, :2], covariance[2:, 2:] = a.covariance, b.covariance
-    return value._replace(covariance=jacobian @ covariance @ jacobian.T)
+        chain = chain[chosen]
+        place, total = np.broadcast_to(tx, (len(chain), 2)), np.zeros((len(chain), 2, 2))
+        for mirror in chain.T:
+            slope = _slopes(normals[mirror], offsets[mirror], place - pivots[mirror])
+            n = unit(normals[mirror])
+            turn = np.eye(2) - 2 * n[:, :, None] * n[:, None, :]
+            total = turn @ total @ turn + slope @ own[mirror] @ slope.swapaxes(1, 2)
+            place = mirrored(place, normals[mirror], absolute[mirror])
+        apart = image - place
+        spreads = covariance + total + SMOOTH**2 * np.eye(2)
+        chi2 = np.einsum("np,npq,nq->n", apart, np.linalg.inv(spreads), apart)
+        found += [tuple(one) for one in chain[chi2 < GATE].tolist()]
+    return found
 
 
-def _misfit_of_chain(paths: Paths, chain: Sequence[Line], climb: FloatArray) -> FloatArray:
-    """Chi-squared (path,) of paths against successive mirrors, the mirrors' uncertainty included."""
-
-    def predicted(lines: Sequence[Line]) -> FloatArray:
-        image = paths.tx[:, :2]
-        for line in lines:
-            image = anchors(line, image)
-        seen = image - paths.rx[:, :2]
-        return np.stack([np.hypot(np.linalg.norm(seen, axis=-1), climb), azimuth_of(seen)], axis=-1)
-
-    def difference(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.stack([a[:, 0] - b[:, 0], angle_difference(a[:, 1], b[:, 1])], axis=-1)
-
-    slopes = []
-    covariance = np.zeros((2 * len(chain), 2 * len(chain)))
-    for i, line in enumerate(chain):
-        covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = line.covariance
-        for up, down in (
-            (line._replace(normal=line.normal + STEP), line._replace(normal=line.normal - STEP)),
-            (line._replace(offset=line.offset + STEP), line._replace(offset=line.offset - STEP)),
-        ):
-            ends = (predicted([*chain[:i], moved, *chain[i + 1 :]]) for moved in (up, down))
-            slopes.append(difference(*ends) / (2 * STEP))
-    measured = np.stack([paths.length, paths.azimuth], axis=-1)
-    return chi_squared(paths, difference(measured, predicted(chain)), np.stack(slopes, axis=-1), covariance)
+def _slopes(normal: FloatArray, offset: FloatArray, relative: FloatArray) -> FloatArray:
+    """Derivatives (n, 2, 2) of images by (normal [degree], offset [m]), points (n, 2) counted from the pivots."""
+    n, m = unit(normal), unit(normal + 90)
+    depth, along = offset - np.sum(n * relative, axis=-1), np.sum(m * relative, axis=-1)
+    return np.stack([np.deg2rad(2 * depth[..., None] * m - 2 * along[..., None] * n), 2 * n], axis=-1)
 
 
-def obstructs(wall: Wall, kept: Sequence[Wall], sight: Legs) -> bool:
-    """Whether a wall contradicts better supported ones.
+def _image_slopes(line: Line, point: FloatArray) -> FloatArray:
+    """Derivative (2, 2) of a point's image by (normal [degree], offset [m])."""
+    return _slopes(np.array([line.normal]), np.array([line.offset]), (point - line.pivot)[None])[0]
 
-    It does if most of its own paths would have to pass through them, or if two or more of their paths, or
-    lines of sight, would have to pass through it. The last bounce of a double bounce always lies nearer to
-    the receiver than the point a single bounce would have come from, so phantoms stand behind real walls.
+
+def _carries(paths: Paths, chain: Sequence[Mirror]) -> BoolArray:
+    """Whether (path,) paths can bounce off mirrors in turn, where these stand, and lose as little as they did."""
+    images = [paths.tx[0, :2]]
+    for mirror in chain:
+        images.append(anchors(mirror.line, images[-1]))
+    here = paths.rx[:, :2]
+    level = np.linalg.norm(images[-1] - here, axis=-1)
+    steep = level / np.hypot(level, paths.tx[:, 2] - paths.rx[:, 2])  # horizontal share of the ray
+    possible = np.ones(len(paths), dtype=bool)
+    loss = np.zeros(len(paths))
+    error = paths.loss_std**2
+    for mirror, image in zip(chain[::-1], images[:0:-1], strict=True):
+        before, behind = mirror.line.depth(here), mirror.line.depth(image)
+        crosses = before * behind < 0
+        share = np.where(crosses, before, 0.0) / np.where(crosses, before - behind, 1.0)
+        toward = image - here
+        cosine = np.abs(toward @ unit(mirror.line.normal)) / np.linalg.norm(toward, axis=-1) * steep
+        here = here + share[:, None] * toward
+        along = mirror.line.along(here)
+        possible &= crosses & (along > mirror.low) & (along < mirror.high)
+        loss += reflection_loss(mirror.index2, cosine)
+        error += mirror.loss_error**2
+    return possible & (paths.loss > loss - LOSS_TOLERANCE - np.sqrt(error))
+
+
+def orders_of_hidden_walls(walls: Sequence[Wall]) -> list[tuple[int, int, int]]:
+    """Triples (one, other, known) where one and other are a double bounce off a known and a hidden wall in its orders.
+
+    If the image of one is "hidden, then known", undoing the known mirror leaves the image in the hidden wall, hence the
+    wall; "known, then hidden" must then be the image of other. Real walls meet this by accident only. Both orders lose
+    about the same, and more than the known wall, which more paths share.
     """
-    behind = np.zeros(2 * wall.support, dtype=bool)
-    cut = np.count_nonzero(wall.blocks(sight))
-    for other in kept:
-        behind |= other.blocks(wall.legs())
-        cut += np.count_nonzero(np.any(wall.blocks(other.legs()).reshape(2, -1), axis=0))
-    return bool(np.mean(np.any(behind.reshape(2, -1), axis=0)) > 0.5 or cut >= 2)
+    found = []
+    main = np.array([np.bincount(wall.paths.transmitter).argmax() for wall in walls], dtype=np.int64)
+    for one in np.unique(main):
+        rows = np.flatnonzero(main == one).tolist()
+        lines = [walls[i].line for i in rows]
+        tx = walls[rows[0]].paths.tx[walls[rows[0]].paths.transmitter == one][0, :2]
+        image = np.array([anchors(line, tx) for line in lines])
+        slopes = [_image_slopes(line, tx) for line in lines]
+        spread = np.array([np.sqrt(np.trace(s @ line.covariance @ s.T)) for s, line in zip(slopes, lines, strict=True)])
+        loss = np.array([typical_loss(walls[i]) for i in rows])
+        support = np.array([walls[i].support for i in rows])
+        tree = cKDTree(image)
+        for known, line in enumerate(lines):
+            weaker = np.flatnonzero((support < support[known]) & (loss > loss[known] + EXTRA_LOSS))
+            through_hidden = mirrored(image[weaker] - line.pivot, line.normal, line.offset) + line.pivot
+            normal, offset = bisector(tx - through_hidden, np.zeros(2))
+            expected = mirrored(image[known] - through_hidden, normal, offset) + through_hidden
+            reach = 3 * (spread[weaker] + 2 * spread[known]) + SMOOTH
+            for i, near in zip(weaker, tree.query_ball_point(expected, reach), strict=True):
+                found += [
+                    (rows[i], rows[j], rows[known])
+                    for j in near
+                    if j in weaker and j != i and abs(loss[i] - loss[j]) < LOSS_OF_ORDER
+                ]
+    return found

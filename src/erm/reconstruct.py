@@ -1,31 +1,35 @@
-"""From selected components to a map: walls merged, phantoms of double bounces struck out, extents found."""
+"""From selected components to a map: common images found, walls told from chains of bounces, extents measured."""
 
-from collections.abc import Sequence
-from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from erm.consensus import Group, find_groups
 from erm.constants import c
+from erm.decide import Verdict, decide
 from erm.environment import Environment, Slab, make_reflectors
-from erm.geometry import unit
-from erm.merge import merge
+from erm.extent import MOST_MARGIN, Legs, ends_of
+from erm.find_poles import Pole, find_poles
+from erm.geometry import FloatArray
+from erm.loss import refractive_index_squared
+from erm.materials import Material
 from erm.mpc_table import path_length
-from erm.phantom import bounced_twice, obstructs, share_hidden_wall
-from erm.select import ACCEPTED
-from erm.wall import MARGIN, IntArray, Legs, Paths, Wall
+from erm.noise import LEAST, scale, widened
+from erm.pieces import Links
+from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
+from erm.wall import IntArray, Paths, Wall, bounce_points, fit_line, residuals
 
 if TYPE_CHECKING:
     import xarray as xr
 
-EXTRA_LOSS = 1.0  # dB; a double bounce loses at least this much more than either of its walls alone
-
-LOSS_OF_ORDER = 3.0  # dB; the two orders of one double bounce meet the same walls at other angles
+FEWEST = 6  # residuals beyond the parameters that are fitted to them, to estimate errors from
+CLEAR = 3.0  # standard errors by which residuals must exceed what they should be, to say that the errors were too small
+COVERED = "no wall shared with other positions"
 
 
 def reconstruct(
-    table: "xr.Dataset", *, min_support: int = 3, max_gap: float = 15.0, face_depth: float = 0.1
+    table: "xr.Dataset", *, min_support: int = 3, max_gap: float = 15.0
 ) -> tuple[Environment, "xr.Dataset"]:
     """Merge the faces of all positions into walls.
 
@@ -38,123 +42,230 @@ def reconstruct(
         errors; the third is the first that can contradict, so 3 is the least that is evidence.
     max_gap : float
         Reflection points on one line further apart than this are ends of different walls [m].
-    face_depth : float
-        Departure of real faces from a plane, windows and ledges; added to the path lengths' errors [m].
 
     Returns
     -------
     environment : Environment
-        Best supported wall first. Walls reach ``MARGIN`` beyond their outermost and highest reflection point
-        and down to the ground; there is a ground if a bounce off it was seen.
+        Best supported wall first. Walls reach one Fresnel zone beyond their outermost reflection points and down
+        to the ground; there is a ground if a bounce off it was seen.
     table : xarray.Dataset
         The table with ``wall`` (index of the reflector, -1 none) and ``wall_point`` (mpc, xyz) [m], where the
-        merged wall reflects this path. Components without a wall are no longer accepted and say why.
+        merged wall reflects this path. Components without a wall are no longer accepted and say why. Attributes
+        ``delay_std`` [s] and ``azimuth_std`` [degree] are the median errors that the residuals agree with.
     """
     rows = np.flatnonzero(table["accepted"].values)
-    paths = _paths(table, rows, face_depth)
-    ground = float(table.attrs.get("ground_height", 0.0))
-    candidates = [Wall(paths, found.line, found.members) for found in merge(paths, min_support)]
-    reason = table["reason"].values.astype(object)
-    reason[rows] = "no wall shared with other positions"
-
-    walls: list[Wall] = []
-    for wall in sorted(candidates, key=lambda wall: round(wall.loss, 6)):
-        lines = [other.line for other in walls if other.loss < wall.loss - EXTRA_LOSS]
-        if np.mean(bounced_twice(wall.paths, lines, ground)) > 0.5:
-            reason[rows[wall.members]] = "bounced twice, off other walls or the ground"
-        else:
-            walls.append(wall)
-    phantoms = _of_hidden_walls(walls)
-    for wall in phantoms:
-        reason[rows[wall.members]] = "bounced twice, off another wall and one nobody saw alone"
-    kept: list[Wall] = []
-    sight = _lines_of_sight(table)
-    for wall in sorted((wall for wall in walls if wall not in phantoms), key=lambda wall: -wall.support):
-        twin = next((i for i, other in enumerate(kept) if other.is_twin(wall, max_gap)), None)
-        if twin is not None:
-            reason[rows[wall.members]] = "second image of a wall"
-            kept[twin] = kept[twin].joined(wall)
-        elif obstructs(wall, kept, sight):
-            reason[rows[wall.members]] = "wall would stand in the way of other paths"
-        else:
-            kept.append(wall)
-    return _map(kept, table, rows, reason, max_gap, sight)
+    certain = rows[table["reflection_loss"].values[rows] <= table.attrs["max_reflection_loss"]]
+    known = table["errors_known"].values[certain]
+    first, groups = search(paths_of(table, certain), known, min_support, table.attrs.get("errors_count", 0))
+    paths, groups = joined(first, groups, paths_of(table, rows), min_support)
+    candidates = [Wall(paths, group.line, group.members) for group in groups]
+    verdict = decide(candidates, _witnesses(paths, groups), lines_of_sight(table), _links(table), max_gap)
+    in_line = [*verdict.walls, *(wall for wall, _ in verdict.rejected)]
+    taken = np.concatenate([np.empty(0, dtype=np.int64), *(wall.paths.row for wall in in_line)])
+    poles, of_poles = _poles(table, taken, verdict.walls, min_support)
+    environment, enriched = _map(verdict, poles, of_poles, table)
+    if len(paths):
+        typical = {"delay_std": paths.length_std / c, "azimuth_std": paths.azimuth_std}
+        enriched = enriched.assign_attrs({name: float(np.median(std)) for name, std in typical.items()})
+    return environment, enriched
 
 
-def _of_hidden_walls(walls: Sequence[Wall]) -> list[Wall]:
-    """Pairs of walls that are one double bounce in its two orders, off a better supported wall and a hidden one.
+def _poles(table: "xr.Dataset", taken: IntArray, walls: list[Wall], min_support: int) -> tuple[list[Pole], Paths]:
+    """Poles among the components that no wall and no chain has, and these components."""
+    gain = table["path_gain"].values
+    strongest = np.full(table["cluster"].values.max(initial=-1) + 1, -np.inf)
+    np.maximum.at(strongest, table["cluster"].values, gain)
+    possible = np.isin(table["reason"].values, (ACCEPTED, TOO_LOSSY)) & (gain == strongest[table["cluster"].values])
+    possible[taken] = False
+    paths = paths_of(table, np.flatnonzero(possible & fits_vertical_face(table)))
+    return find_poles(paths, walls, min_support), paths
 
-    Both orders lose about the same, and more than the known wall alone.
+
+def search(paths: Paths, known: npt.NDArray[np.bool_], min_support: int, count: int = 0) -> tuple[Paths, list[Group]]:
+    """Groups of paths with common images, and the paths with the errors that these groups show.
+
+    Where a table gives no errors (``known`` false) those of the paths are first what `select` made of ``count`` direct
+    paths, then what these and the residuals show. Where it does, what the residuals show beyond them is added.
     """
-    phantoms: list[Wall] = []
-    for known, wall, other in permutations(walls, 3):
-        weaker = known.support > max(wall.support, other.support)
-        lossier = known.loss + EXTRA_LOSS < min(wall.loss, other.loss)
-        alike = abs(wall.loss - other.loss) < LOSS_OF_ORDER
-        if weaker and lossier and alike and share_hidden_wall(wall, other, known):
-            phantoms += [found for found in (wall, other) if found not in phantoms]
-    return phantoms
+    groups = find_groups(paths, min_support)
+    first = paths
+    for _ in range(2):
+        adapted = _adapted(first, paths, known, count, groups)
+        if adapted is None:
+            break
+        paths = adapted
+        groups = find_groups(paths, min_support)
+    return paths, groups
 
 
-def _lines_of_sight(table: "xr.Dataset") -> Legs:
+def joined(first: Paths, groups: list[Group], paths: Paths, min_support: int) -> tuple[Paths, list[Group]]:
+    """Let paths that may have lost too much join the groups of ``first``, the others, and make groups of their own.
+
+    Their errors are widened as those of the others were; to the estimate of errors they add nothing.
+    """
+    if len(first) == len(paths):
+        return first, groups
+    at = np.searchsorted(paths.row, first.row)
+    wider = []
+    for name in ("length_std", "azimuth_std"):
+        own = getattr(paths, name)
+        grown = own * (float(np.median(getattr(first, name) / own[at])) if len(first) else 1.0)
+        grown[at] = getattr(first, name)
+        wider.append(grown)
+    paths = paths.with_errors(*wider)
+    known = [Group(group.line, at[group.members]) for group in groups]
+    grown = find_groups(paths, min_support, known)
+    sure = np.zeros(len(paths), dtype=bool)
+    sure[at] = True
+    return paths, [_not_longer(paths, group, sure, min_support) for group in grown]
+
+
+def _not_longer(paths: Paths, group: Group, sure: npt.NDArray[np.bool_], min_support: int) -> Group:
+    """A group without the unsure paths beyond its sure ones: those make no wall longer that these have found."""
+    line, members = group
+    certain = sure[members]
+    if certain.sum() < min_support:
+        return group
+    along = line.along(bounce_points(line, paths.tx[members], paths.rx[members]))
+    within = (along >= along[certain].min()) & (along <= along[certain].max())
+    kept = members[certain | within]
+    return Group(fit_line(paths.take(kept), line), kept)
+
+
+def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: int, groups: list[Group]) -> Paths | None:
+    """The paths with errors that agree with the residuals of groups; None where they do already."""
+    white, kept = _white_residuals(paths, groups)
+    members = np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])
+    new = []
+    for column, (std, start, least) in enumerate(
+        (
+            (paths.length_std, first.length_std, LEAST[0] * c),
+            (paths.azimuth_std, first.azimuth_std, LEAST[1]),
+        )
+    ):
+        values = white[kept[:, column], column]
+        if len(values) < FEWEST:
+            new.append(std)
+            continue
+        factor = scale(values)
+        own = std[members[kept[:, column]]]
+        # the square of a median absolute deviation of n Gaussian errors is right to 1.65 / sqrt(n)
+        clear = factor**2 > 1 + CLEAR * 1.65 / np.sqrt(len(values))
+        wider = widened(values * own, own, std) if clear else std
+        pooled = np.sqrt((count * start**2 + len(values) * (std * factor) ** 2) / (count + len(values)))
+        new.append(np.where(known, wider, np.maximum(pooled, least)))
+    changed = max(
+        float(np.abs(np.log(a / b)).max(initial=0.0))
+        for a, b in zip(new, (paths.length_std, paths.azimuth_std), strict=True)
+    )
+    return paths.with_errors(*new) if changed > 0.1 else None
+
+
+def _white_residuals(paths: Paths, groups: list[Group]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Residuals (n, 2) of length and azimuth in standard errors, and which of them a fit left room to.
+
+    A residual ``r`` with leverage ``h`` has the variance ``(1 - h) s**2``; two parameters swallow most of the
+    lengths of three paths and little of their azimuths.
+    """
+    white, room = [np.empty((0, 2))], [np.empty((0, 2))]
+    for group in groups:
+        members = paths.take(group.members)
+        residual, jacobian = residuals(members, group.line)
+        std = np.stack([members.length_std, members.azimuth_std], axis=-1)
+        leverage = np.einsum("nip,pq,niq->ni", jacobian, group.line.covariance, jacobian) / std**2
+        room.append(np.clip(1 - leverage, 0.0, 1.0))
+        white.append(residual / (std * np.sqrt(np.maximum(room[-1], 0.1))))
+    return np.concatenate(white), np.concatenate(room) > 0.2
+
+
+def _witnesses(paths: Paths, groups: list[Group]) -> list[Wall]:
+    """Lines that two links share: too few for a wall, enough to explain a chain of bounces by."""
+    left = np.ones(len(paths), dtype=bool)
+    for group in groups:
+        left[group.members] = False
+    rest = paths.take(left)
+    return [Wall(rest, group.line, group.members) for group in find_groups(rest, 2)]
+
+
+def lines_of_sight(table: "xr.Dataset") -> Legs:
     """Direct paths known to be clear."""
     clear = (table["los"].values == 1) | ((table["reason"].values == "direct path") & (table["los"].values != 0))
     _, first = np.unique(table["link"].values[clear], return_index=True)
     return Legs(table["tx_position"].values[clear][first], table["rx_position"].values[clear][first])
 
 
-def _paths(table: "xr.Dataset", rows: IntArray, face_depth: float) -> Paths:
-    """Return the accepted rows as arrays."""
+def _links(table: "xr.Dataset") -> Links:
+    """All antenna pairs."""
+    _, first = np.unique(table["link"].values, return_index=True)
+    return Links(table["tx_position"].values[first], table["rx_position"].values[first])
+
+
+def paths_of(table: "xr.Dataset", rows: IntArray) -> Paths:
+    """Return the accepted rows as arrays, in an order that neither frame nor row numbers decide."""
     chosen = table.isel(mpc=rows)
+    length, loss = path_length(chosen), chosen["reflection_loss"].values
+    tx = chosen["tx_position"].values
+    _, transmitter = np.unique(tx, axis=0, return_inverse=True)
     return Paths(
-        tx=chosen["tx_position"].values,
+        tx=tx,
         rx=chosen["rx_position"].values,
-        length=path_length(chosen),
+        length=length,
         azimuth=chosen["azimuth"].values,
-        length_std=np.hypot(chosen["delay_std"].values * c, face_depth),
+        length_std=chosen["delay_std"].values * c,
         azimuth_std=chosen["azimuth_std"].values,
         link=chosen["link"].values,
-        loss=chosen["reflection_loss"].values,
+        transmitter=transmitter.ravel(),
+        loss=loss,
+        loss_std=chosen["path_gain_std"].values,
+        wavelength=c / chosen["frequency"].values,
+        rise=rise(chosen),
+        rise_std=chosen["elevation_std"].values,
+        row=rows,
     )
 
 
-def _map(
-    walls: Sequence[Wall],
-    table: "xr.Dataset",
-    rows: IntArray,
-    reason: npt.NDArray[np.object_],
-    max_gap: float,
-    sight: Legs,
-) -> tuple[Environment, "xr.Dataset"]:
+def _map(verdict: Verdict, poles: list[Pole], of_poles: Paths, table: "xr.Dataset") -> tuple[Environment, "xr.Dataset"]:
     """Cut walls into stretches, and say in the table which component belongs to which."""
     ground = float(table.attrs.get("ground_height", 0.0))
-    free = sight
+    reason = table["reason"].values.astype(object)
+    reason[table["accepted"].values] = COVERED
+    materials: dict[str, Material] = {}
     index = np.full(table.sizes["mpc"], -1)
     wall_point = np.full((table.sizes["mpc"], 3), np.nan)
-    columns: dict[str, list] = {name: [] for name in ("end_points", "top", "normal", "offset", "covariance", "support")}
-    for wall in walls:
+    for wall, why in verdict.rejected:
+        reason[wall.paths.row] = why
+    names = ("end_points", "top", "normal", "offset", "covariance", "support", "material")
+    columns: dict[str, list] = {name: [] for name in names}
+    for wall, pieces in zip(verdict.walls, verdict.pieces, strict=True):
         line = wall.line.about(np.zeros(2))
-        points = wall.points
-        along = wall.along(points)
-        foot = wall.line.pivot + wall.line.offset * unit(wall.line.normal)
-        for run in wall.stretches(max_gap, free):
-            members = rows[wall.members[run]]
-            reach = np.array([along[run].min() - MARGIN, along[run].max() + MARGIN])
+        strain = wall.strain
+        strained = strain > 1 + CLEAR * np.sqrt(2 / max(2 * wall.support - 2, 1))
+        index_of = round(float(np.sqrt(refractive_index_squared(wall))), 1)
+        material = Material(f"index {index_of}", refractive_index=complex(index_of, 0.0))
+        materials[material.name] = material
+        for piece in pieces:
+            members = wall.paths.row[piece.members]
             index[members] = len(columns["top"])
             reason[members] = ACCEPTED
-            wall_point[members] = points[run]
-            columns["end_points"].append(foot + reach[:, None] * unit(wall.line.normal + 90))
-            columns["top"].append(max(points[run, 2].max(), ground) + MARGIN)
+            wall_point[members] = wall.points[piece.members]
+            columns["end_points"].append(ends_of(wall, piece))
+            columns["top"].append(max(wall.points[piece.members, 2].max(), ground) + MOST_MARGIN)
             columns["normal"].append(line.normal)
             columns["offset"].append(line.offset)
-            columns["covariance"].append(line.covariance * max(wall.strain, 1.0))
-            columns["support"].append(len(run))
-        free = Legs(*(np.vstack(pair) for pair in zip(free, wall.legs(), strict=True)))
+            columns["covariance"].append(line.covariance * (strain if strained else 1.0))
+            columns["support"].append(len(piece.members))
+            columns["material"].append(material.name)
     reflectors = make_reflectors(
         np.reshape(columns.pop("end_points"), (-1, 2, 2)),
         base=ground,
         **{name: np.asarray(column) for name, column in columns.items()} if columns["top"] else {},
     )
+    for number, pole in enumerate(poles, start=reflectors.sizes["reflector"]):
+        members = of_poles.row[pole.members]
+        index[members] = number
+        reason[members] = ACCEPTED
+        wall_point[members] = table["reflection_point"].values[members]
+        wall_point[members, :2] = pole.centre
     slab = Slab(ground) if np.any(table["reason"].values == "ground bounce") else None
     enriched = table.assign(
         accepted=("mpc", index >= 0),
@@ -166,4 +277,13 @@ def _map(
             {"units": "m", "long_name": "where the merged wall reflects"},
         ),
     )
-    return Environment(reflectors, ground=slab), enriched
+    environment = Environment(reflectors, ground=slab, materials=materials)
+    if poles:
+        environment = environment.with_poles(
+            np.array([pole.centre for pole in poles]),
+            np.array([pole.radius for pole in poles]),
+            base=ground,
+            top=np.array([max(pole.top, ground) + MOST_MARGIN for pole in poles]),
+            support=np.array([len(pole.members) for pole in poles]),
+        )
+    return environment, enriched

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from erm import geometry
+from erm import geometry, noise
 from erm.constants import c
 from erm.errors import DataError
 from erm.geometry import FloatArray, angle_difference
@@ -18,30 +18,29 @@ from erm.mpc_table import path_length
 if TYPE_CHECKING:
     import xarray as xr
 
-Threshold = Literal["fixed", "letter"]
+Threshold = Literal["consistency", "fixed", "letter"]
 BoolArray = npt.NDArray[np.bool_]
 
 ACCEPTED = "accepted"
-DELAY_STD = 0.3e-9  # s; a sample of a 1.2 GS/s sounder is 0.83 ns, 0.24 ns rms when delays are left on it
-AZIMUTH_STD = 3.0  # degree; a 10 degree grid left unrefined is 2.9 degrees rms
-ELEVATION_STD = 3.0  # degree
+TOO_LOSSY = "reflection loss above the threshold"
+CONSISTENT_LOSS = 20.0  # dB; see `select`
 MAX_REFLECTION_LOSS = 12.0  # dB; see `select`
 GAIN_EXCESS = 3.0  # dB; two paths in one resolution cell may add up to more than free space
 DIRECT_DELAY = 1e-9  # s; below this excess a face is tangent to the direct path and cannot be located
 DIRECT_AZIMUTH = 5.0  # degree; half a beam
-ELEVATION_TOLERANCE = 12.0  # degree; a scan of few elevations clips the estimate at its edge
+ELEVATION_TOLERANCE = 3.0  # degree beyond the errors; a scan of few elevations is biased at its edge
 
 
 def select(
     table: "xr.Dataset",
     *,
-    threshold: Threshold = "fixed",
-    max_reflection_loss: float = MAX_REFLECTION_LOSS,
+    threshold: Threshold = "consistency",
+    max_reflection_loss: float | None = None,
     delay_window: float = 5e-9,
     azimuth_window: float = 10.0,
     ground_height: float = 0.0,
-    delay_std: float = DELAY_STD,
-    azimuth_std: float = AZIMUTH_STD,
+    delay_std: float | None = None,
+    azimuth_std: float | None = None,
 ) -> "xr.Dataset":
     """Choose the components that may be single bounces off vertical faces, and locate these.
 
@@ -49,48 +48,55 @@ def select(
     ----------
     table : xarray.Dataset
         MPC table (`erm.mpc_table`).
-    threshold : {"fixed", "letter"}
-        ``fixed`` keeps reflection losses up to ``max_reflection_loss``. ``letter`` keeps losses below twice
-        the smallest of the scenario (Eq. 4), which one metal or glass face makes too strict for all others.
-    max_reflection_loss : float
+    threshold : {"consistency", "fixed", "letter"}
+        ``consistency`` keeps all that a single bounce can be, and leaves it to `erm.reconstruct` to see which of
+        them agree between positions. The other two take the strongest component of each cluster only: ``fixed``
+        keeps reflection losses up to ``max_reflection_loss``, ``letter`` losses below twice the smallest of the
+        scenario (Eq. 4), which one metal or glass face makes too strict for all others.
+    max_reflection_loss : float, optional
         Loss beyond free space [dB]. Smooth faces lose most at normal incidence: metal 0, glass 7, concrete 8,
-        brick 10, plaster (n = 1.92) 10 dB by Fresnel's equations, hence 10 dB plus 2 dB for roughness and
-        gain error. Two bounces at 45 degrees lose 11 dB or more off concrete and plaster.
+        brick 10, plaster (n = 1.92) 10, wood 17 dB by Fresnel's equations. Default for ``consistency``: wood and
+        3 dB for roughness and gain error, 20 dB. For ``fixed``: plaster and 2 dB, 12 dB; two bounces at 45 degrees
+        lose 11 dB or more off concrete and plaster.
     delay_window, azimuth_window : float
         Half axes of a cluster about its strongest component [s], [degree].
     ground_height : float
         Height of the ground under the antennas [m].
     delay_std, azimuth_std : float
-        Standard errors where the table gives none [s], [degree].
+        Standard errors where the table gives none [s], [degree]. Default: those that the direct paths show
+        (`erm.noise`).
 
     Returns
     -------
     xarray.Dataset
-        The table with ``delay_std`` and ``azimuth_std`` filled in and, along ``mpc``: ``link`` (index of the
-        pair of antennas), ``cluster``, ``reflection_loss`` [dB], ``accepted``, ``reason``,
-        ``reflection_point`` (mpc, xyz) [m], ``normal`` [degree], ``offset`` [m], ``point_covariance``
-        (mpc, xy, xy_2) [m2] and ``line_covariance`` (mpc, parameter, parameter_2) of (normal, offset). The
+        The table with all four ``_std`` columns filled in and, along ``mpc``:
+        ``errors_known`` (false where they were filled in), ``link`` (index of the pair of antennas), ``cluster``,
+        ``reflection_loss`` [dB], ``accepted``, ``reason``, ``reflection_point`` (mpc, xyz) [m], ``normal`` [degree],
+        ``offset`` [m], ``point_covariance`` (mpc, xy, xy_2) [m2] and ``line_covariance`` (mpc, parameter,
+        parameter_2) of (normal, offset). Attributes ``errors_from`` and ``errors_count`` say what they were filled in
+        from. The
         face is NaN where the path is not longer than the direct one.
     """
     if threshold not in get_args(Threshold):
         raise DataError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
-    table = table.assign(
-        delay_std=table["delay_std"].fillna(delay_std), azimuth_std=table["azimuth_std"].fillna(azimuth_std)
-    )
+    table = _with_errors(table, delay_std, azimuth_std)
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
     loss = reflection_loss(table)
+    doubt = 2 * table["path_gain_std"].values if threshold == "consistency" else 0.0
     direct = is_direct(table)
-    limit = max_reflection_loss if threshold == "fixed" else letter_limit(loss, link, strongest, direct)
+    if max_reflection_loss is None:
+        max_reflection_loss = CONSISTENT_LOSS if threshold == "consistency" else MAX_REFLECTION_LOSS
+    limit = letter_limit(loss, link, strongest, direct) if threshold == "letter" else max_reflection_loss
     reasons: Mapping[str, BoolArray] = {
         "direct path": direct,
-        "not the strongest of its cluster": ~strongest,
+        "not the strongest of its cluster": ~strongest & (threshold != "consistency"),
         "no longer than the direct path": np.isnan(
             geometry.horizontal_length(table["tx_position"], table["rx_position"], path_length(table))
         ),
         "ground bounce": is_ground_bounce(table, ground_height),
-        "stronger than free space": loss < -GAIN_EXCESS,
-        "reflection loss above the threshold": ~(loss < limit if threshold == "letter" else loss <= limit),
+        "stronger than free space": loss + doubt < -GAIN_EXCESS,
+        TOO_LOSSY: ~(loss < limit if threshold == "letter" else loss - doubt <= limit),
         "elevation of no vertical face": ~fits_vertical_face(table),
     }
     reason = np.full(table.sizes["mpc"], ACCEPTED, dtype=object)
@@ -141,9 +147,8 @@ def clusters(
     cluster = np.full(len(delay), -1)
     strongest = np.zeros(len(delay), dtype=bool)
     count = 0
-    for one in np.unique(link):
-        rows = np.flatnonzero(link == one)
-        rows = rows[np.lexsort((azimuth[rows], delay[rows], -gain[rows]))]
+    order = np.lexsort((azimuth, delay, -gain, link))
+    for rows in np.split(order, np.flatnonzero(np.diff(link[order])) + 1):
         while len(rows):
             head = rows[0]
             strongest[head] = True
@@ -183,19 +188,23 @@ def is_ground_bounce(table: "xr.Dataset", ground_height: float) -> BoolArray:
     climb = tx[:, 2] + rx[:, 2] - 2 * ground_height
     delay = np.hypot(np.linalg.norm((tx - rx)[:, :2], axis=-1), climb) / c
     near = np.abs(table["delay"].values - delay) < np.maximum(DIRECT_DELAY, 3 * table["delay_std"].values)
-    from_above = table["elevation"].values > 3 * table["elevation_std"].fillna(ELEVATION_STD).values
+    from_above = table["elevation"].values > 3 * table["elevation_std"].values
     return near & _at_bearing_of_transmitter(table) & ~from_above
 
 
 def fits_vertical_face(table: "xr.Dataset") -> BoolArray:
     """Components (mpc,) whose elevation is that of a path off vertical faces, ``sin e = (z_tx - z_rx) / L``.
 
-    True where the elevation is unknown.
+    That is: whose image is as high as the transmitter, and not in or above a floor or a ceiling. True where the
+    elevation is unknown.
     """
+    return ~(np.abs(rise(table)) > ELEVATION_TOLERANCE + 3 * table["elevation_std"].values)
+
+
+def rise(table: "xr.Dataset") -> FloatArray:
+    """Elevation (mpc,) less that of a path off vertical faces [degree]; NaN where it is unknown."""
     climb = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
-    expected = np.rad2deg(np.arcsin(np.clip(climb / path_length(table), -1, 1)))
-    tolerance = np.maximum(ELEVATION_TOLERANCE, 3 * table["elevation_std"].fillna(ELEVATION_STD).values)
-    return ~(np.abs(table["elevation"].values - expected) > tolerance)
+    return table["elevation"].values - np.rad2deg(np.arcsin(np.clip(climb / path_length(table), -1, 1)))
 
 
 def letter_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray) -> float:
@@ -209,6 +218,23 @@ def letter_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolA
         in_sight = bool(np.any(direct & (link == one)))
         smallest += losses[int(in_sight) : int(in_sight) + 1].tolist()
     return 2 * min(smallest)
+
+
+def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: float | None) -> "xr.Dataset":
+    """The table with every standard error filled in, and what it was filled with in the attributes."""
+    found = noise.of_direct_paths(table)
+    given = {
+        "delay_std": found.delay if delay_std is None else delay_std,
+        "azimuth_std": found.azimuth if azimuth_std is None else azimuth_std,
+        "elevation_std": found.elevation,
+        "path_gain_std": noise.GAIN_STD,
+    }
+    known = np.isfinite(table["delay_std"].values) & np.isfinite(table["azimuth_std"].values)
+    source = "the table" if known.all() else found.source if delay_std is azimuth_std is None else "the caller"
+    count = found.sample if source == found.source else 0
+    return table.assign(
+        {name: table[name].fillna(value) for name, value in given.items()} | {"errors_known": ("mpc", known)}
+    ).assign_attrs(errors_from=source, errors_count=count)
 
 
 def _at_bearing_of_transmitter(table: "xr.Dataset") -> BoolArray:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from erm import console
 from erm.environment import Environment
 from erm.errors import DataError
-from erm.evaluate import evaluate_walls, face_hits, point_errors, summary
+from erm.evaluate import evaluate_walls, face_hits, on_walls, point_errors, summary
 from erm.figures import plot_error_cdf, plot_map
 from erm.geometry import reflection_point
 from erm.mpc_table import path_length, read_mpcs
@@ -83,7 +83,7 @@ def score_map(
     or more have their reflection point within half a metre of the wall.
     """
     outline = outline_of(truth)
-    accepted = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
+    accepted = on_walls(merged, environment)
     single = selected["reflection_point"].values[selected["accepted"].values]
     hits = face_hits(single, outline, tolerance=0.5)
     walls = evaluate_walls(environment, outline, hits)
@@ -118,7 +118,7 @@ def _draw(
     """Draw map and error CDF, the letter's pairs of DAPS, and the figures of one position."""
     outline = outline_of(truth)
     console.save_figure(plot_map(environment, table=merged, outline=outline), out / "map.png")
-    accepted = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
+    accepted = on_walls(merged, environment)
     console.save_figure(plot_error_cdf(_errors(accepted, outline)), out / "error_cdf.png")
     advance()
     made = {product.stem: product for product in products}

@@ -52,7 +52,7 @@ def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys
     out, rps, figure = tmp_path / "map.geojson", tmp_path / "rps.csv", tmp_path / "map.png"
     assert run("reconstruct", mpcs, "--out", out, "--rps", rps, "--figure", figure) == 0
     printed = capsys.readouterr()
-    assert "1 walls from 6 of 6 components" in printed.out
+    assert "1 walls and 0 poles from 6 of 6 components" in printed.out
     assert printed.err == ""
     wall = Environment.read(out).reflectors.isel(reflector=0)
     assert wall["offset"].item() == pytest.approx(-9, abs=1e-3)
@@ -83,7 +83,7 @@ def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
         f"{path.parent.name}/mpcs.csv": hashlib.sha256(path.read_bytes()).hexdigest() for path in (mpcs, other)
     }
     assert json.loads(told["processing_options"]) == {
-        "threshold": "fixed",
+        "threshold": "consistency",
         "max_reflection_loss": 9,
         "min_support": 2,
         "ground_height": -1,

@@ -67,6 +67,14 @@ def test_a_wall_over_two_faces_in_line_finds_both():
     assert (result["found"], result["false"]) == (2, 0)
 
 
+def test_shares_of_length_are_those_a_ruler_gives():
+    # half of the first wall runs along the lower side, the other half beyond its end; the second is 0.3 m off
+    walls = [[[5, 0.1], [15, 0.1]], [[0, 10.3], [10, 10.3]]]
+    result = evaluate_walls(Environment.walls(walls), SQUARE)
+    assert result["correctness"] == pytest.approx(5 / 20, abs=0.03)
+    assert result["completeness"] == pytest.approx(5 / 40, abs=0.03)
+
+
 def test_only_faces_that_were_hit_can_be_missed():
     hits = face_hits([[5, 0], [6, 0.01], [7, 0], [10, 5], [5, 5]], SQUARE)
     assert hits.tolist() == [3, 1, 0, 0]

@@ -11,10 +11,10 @@ from erm.evaluate import evaluate_walls, face_hits, point_errors
 from erm.geometry import angle_difference, azimuth_of, mirrored, unit
 from erm.mpc_table import empty_table, make_table
 from erm.outline import read_outline
-from erm.phantom import bounced_twice
+from erm.phantom import composed_of, mirror_of
 from erm.reconstruct import reconstruct
 from erm.select import select
-from erm.wall import Paths, fit_line, seed_line
+from erm.wall import Paths, Wall, fit_line, seed_line
 
 FREQUENCY = 132e9
 TX = np.array([[5.0, 12.0, 28.4], [62.0, 40.0, 20.0]])
@@ -102,6 +102,70 @@ def test_turning_and_shifting_the_scene_turns_and_shifts_the_map(seed):
     np.testing.assert_array_equal(there.reflectors["support"], expected["support"])
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_mirrored_scene_gives_the_mirrored_map(seed):
+    table = scene(delay_std=1e-10, azimuth_std=0.5, seed=seed)
+    mirrored_table = table.copy(deep=True)
+    for name in ("tx_position", "rx_position"):
+        mirrored_table[name][:, 1] *= -1
+    mirrored_table["azimuth"][:] = -table["azimuth"].values
+    here, _ = reconstruct(select(table))
+    there, _ = reconstruct(select(mirrored_table))
+    assert here.reflectors.sizes == there.reflectors.sizes
+    np.testing.assert_allclose(angle_difference(there.reflectors["normal"], -here.reflectors["normal"]), 0, atol=1e-6)
+    np.testing.assert_allclose(there.reflectors["offset"], here.reflectors["offset"], atol=1e-6)
+    np.testing.assert_array_equal(there.reflectors["support"], here.reflectors["support"])
+
+
+def test_one_component_is_no_wall_and_says_so():
+    environment, merged = reconstruct(select(scene(WALLS[:1], TX[:1], route(1))))
+    assert environment.reflectors.sizes["reflector"] == 0
+    assert merged["reason"].values.tolist() == ["no wall shared with other positions"]
+
+
+def test_a_position_measured_thrice_is_one_position():
+    table = scene(WALLS[:1], TX[:1], np.repeat(route(1), 3, axis=0), 1e-11, 0.1)
+    environment, _ = reconstruct(select(table))
+    assert environment.reflectors.sizes["reflector"] == 0
+
+
+def test_positions_on_a_line_through_the_transmitter_still_locate_walls():
+    # ranges from collinear places leave two images open, azimuths decide
+    along = np.linspace(8, 50, 10)
+    rxs = np.column_stack([TX[0, 0] + along * np.cos(0.5), TX[0, 1] + along * np.sin(0.5), np.full(10, 1.4)])
+    environment, _ = reconstruct(select(scene(WALLS[:2], TX[:1], rxs, 1e-10, 0.5)), max_gap=np.inf)
+    expected = WALLS[:2][np.argsort(WALLS[:2, 0])]
+    assert np.abs(angle_difference(sorted_lines(environment)[:, 0], expected[:, 0])).max() < 0.5
+
+
+def test_errors_that_a_table_does_not_state_are_found():
+    rx = route(30)
+    tx = np.tile(TX[0], (len(rx), 1))
+    direct = bounces(tx, rx, loss=0.0)
+    table = joined([direct, *(bounces(tx, rx, wall) for wall in WALLS)], 2e-10, 1.0)
+    _, merged = reconstruct(select(table))
+    # some 150 residuals: a median absolute deviation is right to 10 % of the standard deviation; three of these
+    assert merged.attrs["delay_std"] == pytest.approx(2e-10, rel=0.3)
+    assert merged.attrs["azimuth_std"] == pytest.approx(1.0, rel=0.3)
+
+
+def test_a_direct_path_through_a_gap_ends_a_wall():
+    wall = np.array([[90.0, 0.0]])
+    rxs = np.array([[x, 10.0, 1.4] for x in (-24.0, -20.0, -16.0, 16.0, 20.0, 24.0)])
+    txs = np.array([[0.0, 12.0, 1.8]])
+    table = scene(wall, txs, rxs, 1e-11, 0.1)
+    through = bounces(txs, np.array([[0.1, -15.0, 0.9]]), loss=0.0)  # passes below the reflection points
+    opened = joined([through])
+    import xarray as xr
+
+    whole, _ = reconstruct(select(table), max_gap=100.0)
+    cut, _ = reconstruct(select(xr.concat([table, opened], dim="mpc")), max_gap=100.0)
+    assert whole.reflectors.sizes["reflector"] == 1
+    assert cut.reflectors.sizes["reflector"] == 2
+    ends = np.sort(cut.reflectors["end_points"].values[..., 0].ravel())
+    assert ends[1] < 0.1 < ends[2]
+
+
 def test_the_order_of_rows_does_not_matter():
     table = scene(delay_std=1e-10, azimuth_std=0.5, seed=5)
     order = np.random.default_rng(6).permutation(table.sizes["mpc"])
@@ -128,7 +192,7 @@ def test_direct_paths_alone_are_an_empty_map():
     assert set(merged["reason"].values) == {"direct path"}
 
 
-def paths_of(columns, length_std=0.05, azimuth_std=0.7):
+def paths_of(columns, length_std=0.05, azimuth_std=0.7, loss=6.0):
     n = len(columns["delay"])
     return Paths(
         tx=columns["tx_position"],
@@ -138,7 +202,13 @@ def paths_of(columns, length_std=0.05, azimuth_std=0.7):
         length_std=np.full(n, length_std),
         azimuth_std=np.full(n, azimuth_std),
         link=np.arange(n),
-        loss=np.full(n, 6.0),
+        transmitter=np.zeros(n, dtype=np.int64),
+        loss=np.full(n, loss),
+        loss_std=np.zeros(n),
+        wavelength=np.full(n, c / FREQUENCY),
+        rise=np.full(n, np.nan),
+        rise_std=np.full(n, np.nan),
+        row=np.arange(n),
     )
 
 
@@ -154,21 +224,22 @@ def test_the_wall_of_one_path_is_its_face_with_the_same_covariance():
         np.testing.assert_allclose(fitted.covariance, face.covariance, rtol=1e-6)
 
 
+def wall_of(columns, loss=6.0):
+    paths = paths_of(columns, loss=loss)
+    everything = np.arange(len(paths))
+    return Wall(paths, fit_line(paths, seed_line(paths.take(everything[:1]))), everything)
+
+
 def test_two_bounces_are_known_by_the_image_of_the_image():
     rx = route()
     tx = np.tile(TX[0], (len(rx), 1))
-    lines = [
-        fit_line(paths, seed_line(paths.take(np.array([0]))))
-        for paths in (paths_of(bounces(tx, rx, w)) for w in WALLS[:2])
-    ]
-    both = paths_of(bounces(tx, rx, WALLS[1], WALLS[0]))
-    with_ground = paths_of(bounces(tx, rx, WALLS[1], height=tx[:, 2] + rx[:, 2] - 2 * 0.7))
-    single = paths_of(bounces(tx, rx, WALLS[2]))
-    assert bounced_twice(both, lines, 0.7).all()
-    assert not bounced_twice(both, lines[:1], 0.7).any()
-    assert bounced_twice(with_ground, lines, 0.7).all()
-    assert not bounced_twice(with_ground, lines, 3.0).any()
-    assert not bounced_twice(single, lines, 0.7).any()
+    south, north = WALLS[0], WALLS[2]
+    mirrors = [mirror_of(wall_of(bounces(tx, rx, wall)), 60.0) for wall in (south, north)]
+    both = bounces(tx, rx, south, north)
+    assert composed_of(wall_of(both, loss=12.0), mirrors)
+    assert not composed_of(wall_of(both, loss=12.0), mirrors[:1])
+    assert not composed_of(wall_of(both, loss=1.0), mirrors)  # two bounces lose what both walls lose
+    assert not composed_of(wall_of(bounces(tx, rx, WALLS[1]), loss=12.0), mirrors)
 
 
 def test_errors_of_walls_follow_their_covariance():
@@ -177,7 +248,7 @@ def test_errors_of_walls_follow_their_covariance():
     for seed in range(draws):
         noisy = scene(WALLS[:1], TX[:1], route(6), delay_std, azimuth_std, seed)
         noisy["delay_std"][:], noisy["azimuth_std"][:] = delay_std, azimuth_std
-        environment, _ = reconstruct(select(noisy), face_depth=0.0, max_gap=np.inf)
+        environment, _ = reconstruct(select(noisy), max_gap=np.inf)
         wall = environment.reflectors.isel(reflector=0)
         error = np.array([angle_difference(wall["normal"], WALLS[0, 0]), wall["offset"] - WALLS[0, 1]])
         chi2.append(error @ np.linalg.solve(wall["covariance"].values, error))
@@ -204,13 +275,14 @@ def test_a_wall_hidden_behind_another_is_not_believed():
     assert "wall would stand in the way of other paths" in merged["reason"].values
 
 
-def test_a_wall_with_windows_half_a_metre_deep_is_one_wall():
+def test_faces_half_a_metre_apart_are_told_apart():
     rx = route(16)
     tx = np.tile(TX[0], (8, 1))
     parts = [bounces(tx, rx[:8], (90.0, -20.0)), bounces(tx, rx[8:], (90.0, -20.5))]
-    environment, _ = reconstruct(select(joined(parts)), max_gap=np.inf)
-    assert environment.reflectors.sizes["reflector"] == 1
-    assert -20.5 < environment.reflectors["offset"].item() < -20.0
+    environment, _ = reconstruct(select(joined(parts, 1e-10, 0.5)), max_gap=np.inf)
+    offsets = np.unique(environment.reflectors["offset"].values)
+    # 3 cm of path are 2 cm of offset, less by the averaging
+    np.testing.assert_allclose(offsets, [-20.5, -20.0], atol=0.1)
 
 
 def test_two_faces_are_no_wall_and_three_are():
@@ -296,15 +368,17 @@ def ideal_mpcs(folder: Path, name: str, seed: int = 0):
     return table, single[kept], bounce[kept]
 
 
-@pytest.mark.parametrize(("name", "false"), [("lroom", 0), ("canyon", 0), ("city", 1)])
-def test_walls_of_an_independent_ray_tracer_are_found(shared_data: Path, name, false):
-    # city: four double bounces off a wall that nothing else shows stand as a phantom
+@pytest.mark.parametrize("name", ["lroom", "canyon", "city"])
+def test_walls_of_an_independent_ray_tracer_are_found(shared_data: Path, name):
     table, single, bounce = ideal_mpcs(shared_data, name)
     outline = read_outline(shared_data / "raytraced" / f"{name}_outline.geojson")
     environment, merged = reconstruct(select(table))
+    is_wall = environment.reflectors["kind"].values == "wall"
+    assert is_wall.all()
     result = evaluate_walls(environment, outline, face_hits(bounce[single], outline))
     assert result["missed"] == 0
-    assert result["false"] <= false
+    assert result["correctness"] >= 0.9
+    # 3 cm and half a degree at 100 m, some walls from three receivers only
     assert result["offset_error"]["rmse"] < 0.1
     judged = merged["accepted"].values & single
     assert np.median(point_errors(merged["reflection_point"].values[judged], outline).perpendicular) < 0.15

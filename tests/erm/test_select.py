@@ -55,7 +55,8 @@ def test_elevation_of_a_wall_is_that_of_the_unfolded_line():
 
 
 def test_what_no_reflection_can_do_is_refused():
-    reasons = select(table([(120, 60, -4), (120, 100, 11.9), (120, 140, 12.1), (DIRECT - 0.2, 220, 6)]))["reason"]
+    rows = [(120, 60, -4), (120, 100, 11.9), (120, 140, 12.1), (DIRECT - 0.2, 220, 6)]
+    reasons = select(table(rows), threshold="fixed")["reason"]
     assert reasons.values.tolist() == [
         "stronger than free space",
         ACCEPTED,

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.constants import c
 
+from erm.constants import c
 from erm.evaluate import summary
 from erm.fresnel import fresnel, roughness_factor
 from erm.geometry import FloatArray, reflection_point

@@ -1,0 +1,118 @@
+"""A map judged by what it predicts at positions it was not made from: for places where no outline exists."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from erm.environment import Environment
+from erm.errors import DataError
+from erm.geometry import angle_difference
+from erm.reconstruct import reconstruct
+from erm.select import links, select
+from erm.trace import trace
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STRONGEST = 3  # components of a position that are looked for
+BEYOND, STOREYS = 7.5, 10.0  # m; how much longer and higher than seen walls may be: gaps of 15 m are closed
+DELAY, AZIMUTH, GAIN = 0.5e-9, 2.0, 3.0  # s, degree, dB; a prediction nearer than this is right
+
+
+class Prediction(NamedTuple):
+    """How the strongest components of one antenna pair were predicted from all others.
+
+    Errors are those of the predicted path nearest in delay and azimuth, prediction less measurement; NaN where none is
+    predicted.
+    """
+
+    position: str
+    delay: np.ndarray  # (component,) s
+    azimuth: np.ndarray  # (component,) degree
+    gain: np.ndarray  # (component,) dB
+
+    @property
+    def right(self) -> np.ndarray:
+        """Whether (component,) each is predicted within the tolerances."""
+        with np.errstate(invalid="ignore"):
+            return (np.abs(self.delay) < DELAY) & (np.abs(self.azimuth) < AZIMUTH) & (np.abs(self.gain) < GAIN)
+
+
+def leave_one_out(
+    table: "xr.Dataset", *, max_order: int = 2, strongest: int = STRONGEST, beyond: float = BEYOND
+) -> list[Prediction]:
+    """Predict the strongest components of each antenna pair from the map of all other positions.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table (`erm.mpc_table`).
+    max_order : int
+        Most reflections of a predicted path.
+    strongest : int
+        Components looked for at each pair.
+    beyond : float
+        How much further than their outermost reflection points walls are taken to reach [m]: a map shows what was
+        seen, and the next position looks beside it.
+
+    Raises
+    ------
+    DataError
+        There are fewer than two antenna pairs.
+    """
+    link = links(table)
+    if len(np.unique(link)) < 2:
+        raise DataError(f"{len(np.unique(link))} antenna pairs; leaving one out needs at least two")
+    result = []
+    for one in np.unique(link):
+        held = table.isel(mpc=np.flatnonzero(link == one))
+        environment, _ = reconstruct(select(table.isel(mpc=np.flatnonzero(link != one))))
+        ends = (held["tx_position"].values[0], held["rx_position"].values[0])
+        frequency = float(held["frequency"].values[0])
+        # a wall made longer reflects more and hides more; what either map shows is predicted
+        maps = (environment, prolonged(environment, beyond))
+        both = [trace(one_map, *ends, frequency, max_order=max_order) for one_map in maps]
+        delay, azimuth, gain = (
+            np.concatenate([paths[name].values for paths in both]) for name in ("delay", "azimuth", "path_gain")
+        )
+        rows = np.argsort(-held["path_gain"].values, kind="stable")[:strongest]
+        errors = np.full((3, len(rows)), np.nan)
+        for column, row in enumerate(rows):
+            late = delay - held["delay"].values[row]
+            aside = angle_difference(azimuth, held["azimuth"].values[row])
+            if len(late):
+                near = int(np.argmin((late / DELAY) ** 2 + (aside / AZIMUTH) ** 2))
+                errors[:, column] = late[near], aside[near], gain[near] - held["path_gain"].values[row]
+        result.append(Prediction(str(held["position"].values[0]), *errors))
+    return result
+
+
+def prolonged(environment: Environment, beyond: float) -> Environment:
+    """The same map with its walls longer at either end and higher [m]."""
+    table = environment.reflectors.copy()
+    is_wall = table["kind"].values == "wall"
+    ends = table["end_points"].values
+    along = ends[:, 1] - ends[:, 0]
+    step = np.zeros_like(along)
+    step[is_wall] = beyond * along[is_wall] / np.linalg.norm(along[is_wall], axis=-1, keepdims=True)
+    table["end_points"] = table["end_points"].copy(data=ends + np.stack([-step, step], axis=1))
+    table["top"] = table["top"].copy(data=table["top"].values + np.where(is_wall, STOREYS, 0.0))
+    return replace(environment, reflectors=table)
+
+
+def score(predictions: list[Prediction]) -> dict[str, Any]:
+    """``positions``, ``components``, the share of components predicted ``right``, and of positions with all right.
+
+    Further the median absolute errors ``delay`` [s], ``azimuth`` [degree] and ``gain`` [dB] of the right ones.
+    """
+    right = np.concatenate([one.right for one in predictions])
+    errors = np.concatenate([np.stack([one.delay, one.azimuth, one.gain]) for one in predictions], axis=1)
+    middle = np.median(np.abs(errors[:, right]), axis=1) if right.any() else np.full(3, np.nan)
+    return {
+        "positions": len(predictions),
+        "components": int(right.size),
+        "right": float(right.mean()),
+        "positions_right": float(np.mean([one.right.all() for one in predictions])),
+        **dict(zip(("delay", "azimuth", "gain"), middle.tolist(), strict=True)),
+    }

@@ -1,0 +1,49 @@
+"""A map of all other positions predicts what a position measured, where others saw the same walls."""
+
+import numpy as np
+import pytest
+
+from erm.environment import Environment
+from erm.errors import DataError
+from erm.holdout import leave_one_out, prolonged, score
+from erm.mpc_table import empty_table, make_table
+from erm.trace import trace
+
+FREQUENCY, TX = 132e9, np.array([0.0, 0.0, 6.0])
+STREET = Environment.walls([[[-5.0, 12.0], [80.0, 12.0]], [[-5.0, -9.0], [80.0, -9.0]]], top=9.0, material="glass")
+
+
+def street():
+    """Exact single bounces and direct paths along a street."""
+    parts = []
+    for east in np.linspace(15, 60, 10):
+        rx = np.array([east, 1.0, 1.5])
+        paths = trace(STREET, TX, rx, FREQUENCY, max_order=1)
+        ends = {"position": f"RX{east:.0f}", "tx_position": TX, "rx_position": rx, "frequency": FREQUENCY}
+        parts.append(make_table(ends | {n: paths[n].values for n in ("delay", "azimuth", "elevation", "path_gain")}))
+    import xarray as xr
+
+    return xr.concat(parts, dim="mpc")
+
+
+def test_positions_amid_others_are_predicted():
+    predictions = leave_one_out(street(), max_order=1)
+    assert len(predictions) == 10
+    for one in predictions[1:-1]:
+        assert one.right.all()
+    result = score(predictions)
+    assert result["positions_right"] >= 0.8
+    assert result["delay"] < 1e-12
+    assert result["gain"] < 1.0
+
+
+def test_longer_walls_stay_on_their_lines():
+    longer = prolonged(STREET, 5.0).reflectors
+    length = np.linalg.norm(np.diff(longer["end_points"].values, axis=1)[:, 0], axis=-1)
+    np.testing.assert_allclose(length, 95.0)
+    np.testing.assert_allclose(longer["offset"], STREET.reflectors["offset"])
+
+
+def test_one_position_leaves_nothing_to_predict_from():
+    with pytest.raises(DataError, match="at least two"):
+        leave_one_out(empty_table())
