@@ -5,20 +5,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from erm.consensus import Group, find_groups
 from erm.constants import c
-from erm.decide import Verdict, decide
 from erm.environment import Environment, Slab, make_reflectors
-from erm.extent import MOST_MARGIN, Legs, ends_of
-from erm.find_poles import Pole, find_poles
 from erm.geometry import FloatArray
-from erm.loss import refractive_index_squared
 from erm.materials import Material
 from erm.mpc_table import path_length
 from erm.noise import LEAST, scale, widened
-from erm.pieces import Links
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
-from erm.wall import IntArray, Paths, Wall, bounce_points, fit_line, residuals
+from erm.walls.consensus import Group, find_groups
+from erm.walls.decide import Verdict, decide
+from erm.walls.extent import MOST_MARGIN, Legs, ends_of
+from erm.walls.loss import refractive_index_squared
+from erm.walls.pieces import Links
+from erm.walls.poles import Pole, find_poles
+from erm.walls.wall import IntArray, Paths, Wall, bounce_points, fit_line, residuals
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,10 +11,10 @@ from erm.evaluate import evaluate_walls, face_hits, point_errors
 from erm.geometry import angle_difference, azimuth_of, mirrored, unit
 from erm.mpc_table import empty_table, make_table
 from erm.outline import read_outline
-from erm.phantom import composed_of, mirror_of
 from erm.reconstruct import reconstruct
 from erm.select import select
-from erm.wall import Paths, Wall, fit_line, seed_line
+from erm.walls.phantom import composed_of, mirror_of
+from erm.walls.wall import Paths, Wall, fit_line, seed_line
 
 FREQUENCY = 132e9
 TX = np.array([[5.0, 12.0, 28.4], [62.0, 40.0, 20.0]])

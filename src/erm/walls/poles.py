@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from erm.conflicts import BEYOND
-from erm.consensus import GATE, find_groups
-from erm.extent import Footprint, Legs, footprint, stretches
 from erm.geometry import FloatArray, angle_difference, azimuth_of, point_covariance, reflection_point
-from erm.loss import weighted_quantile
-from erm.pieces import SOLID_GAP
-from erm.wall import IntArray, Paths, Wall
+from erm.walls.conflicts import BEYOND
+from erm.walls.consensus import GATE, find_groups
+from erm.walls.extent import Footprint, Legs, footprint, stretches
+from erm.walls.loss import weighted_quantile
+from erm.walls.pieces import SOLID_GAP
+from erm.walls.wall import IntArray, Paths, Wall
 
 REACH = 2.0  # m; members' points lie this near to a pole
 DEPTH = 0.05  # m; a path ends on the pole's surface, not in its centre

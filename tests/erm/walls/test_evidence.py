@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.constants import c
 
-from erm.corners import corners_on
 from erm.geometry import azimuth_of, mirrored
-from erm.loss import loss_at_normal_incidence, loss_error, reflection_loss, weighted_quantile
 from erm.mpc_table import make_table
 from erm.noise import widened
 from erm.reconstruct import reconstruct
 from erm.select import select
-from erm.wall import Paths, Wall, cosine_of_incidence, fit_line, seed_line
+from erm.walls.corners import corners_on
+from erm.walls.loss import loss_at_normal_incidence, loss_error, reflection_loss, weighted_quantile
+from erm.walls.wall import Paths, Wall, cosine_of_incidence, fit_line, seed_line
 
 FREQUENCY = 132e9
 TX = np.array([0.0, 0.0, 28.0])

@@ -7,7 +7,7 @@ tens of decibels while its delay and azimuth are good.
 import numpy as np
 
 from erm.geometry import FloatArray
-from erm.wall import BoolArray, Line, Paths, Wall, cosine_of_incidence
+from erm.walls.wall import BoolArray, Line, Paths, Wall, cosine_of_incidence
 
 SCATTER = 3.0  # dB; materials vary along a facade, and two paths in one cell interfere
 SCATTERED = 10.0  # dB; three deviations of a mirrored path

@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from erm.extent import CLEARANCE, Footprint, Legs, footprint, legs_of, stretches
 from erm.geometry import FloatArray
-from erm.pieces import SOLID_GAP, span
-from erm.wall import BoolArray, IntArray, Wall
+from erm.walls.extent import CLEARANCE, Footprint, Legs, footprint, legs_of, stretches
+from erm.walls.pieces import SOLID_GAP, span
+from erm.walls.wall import BoolArray, IntArray, Wall
 
 BEYOND = 25.0  # m; how far beyond its reflection points a wall may go on
 FADE = 8.0  # m; over which the belief that it does falls to 1/e

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import gammainc
 
-from erm.consensus import GATE, REACH, Images
 from erm.geometry import FloatArray
-from erm.wall import Wall, anchors, misfit
+from erm.walls.consensus import GATE, REACH, Images
+from erm.walls.wall import Wall, anchors, misfit
 
 RING = 3.0  # outer radius of the ring that is counted, in radii of the gate
 ASTRAY = 0.1  # share of members that others disturbed

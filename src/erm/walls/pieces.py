@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from erm.extent import SOLID, Footprint, Legs, Stretch, expected_points, footprint, legs_of, stretches
 from erm.geometry import FloatArray
-from erm.wall import Wall
+from erm.walls.extent import SOLID, Footprint, Legs, Stretch, expected_points, footprint, legs_of, stretches
+from erm.walls.wall import Wall
 
 SOLID_GAP = 5.0  # m; between reflection points closer than this a wall is taken to stand
 

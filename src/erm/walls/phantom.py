@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from erm.consensus import GATE
 from erm.geometry import FloatArray, bisector, mirrored, unit
-from erm.loss import loss_error, reflection_loss, refractive_index_squared, typical_loss
-from erm.wall import BoolArray, Line, Paths, Wall, anchors
+from erm.walls.consensus import GATE
+from erm.walls.loss import loss_error, reflection_loss, refractive_index_squared, typical_loss
+from erm.walls.wall import BoolArray, Line, Paths, Wall, anchors
 
 LOSS_TOLERANCE = 4.0  # dB; materials vary along a facade, and two paths in one cell interfere
 ALTERNATIVES = 3  # first mirrors tried for each rest of a chain

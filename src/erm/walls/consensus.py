@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from erm.geometry import FloatArray, bisector, mirrored
-from erm.loss import scattered
-from erm.wall import BoolArray, IntArray, Line, Paths, fit_line, misfit, seed_line
+from erm.walls.loss import scattered
+from erm.walls.wall import BoolArray, IntArray, Line, Paths, fit_line, misfit, seed_line
 
 GATE = 13.8  # chi-squared of 2 degrees of freedom that one true path in a thousand exceeds
 REACH = 4.0  # standard errors of azimuth within which an image is looked for
