@@ -13,6 +13,7 @@ from uuid import uuid4
 
 from erm import __version__
 from erm.errors import DataError
+from erm.netcdf import write_group
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -124,15 +125,11 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
     target : path
         The file.
     """
-    with atomic_path(target) as temporary:
+    import h5py  # imported slowly: --help must not pay for it
+
+    with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
         for group, dataset in groups.items():
-            dataset.to_netcdf(
-                temporary,
-                mode="a" if temporary.exists() else "w",
-                group=group,
-                engine="h5netcdf",
-                invalid_netcdf=any(variable.dtype.kind == "c" for variable in dataset.variables.values()),
-            )
+            write_group(file.require_group(group), dataset)
 
 
 def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":

@@ -4,8 +4,12 @@ import hashlib
 import json
 import os
 import stat
+import sys
+import threading
 from pathlib import Path
 
+import h5netcdf
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -115,6 +119,43 @@ def test_the_same_groups_are_the_same_bytes(tmp_path):
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
     write_product(groups(seed=2), tmp_path / "b.h5")
     assert (tmp_path / "a.h5").read_bytes() != (tmp_path / "b.h5").read_bytes()
+
+
+def test_a_thread_that_looks_on_changes_no_byte(tmp_path):
+    """dask's workers sample what their threads are doing, which keeps Python's objects alive a moment longer."""
+    stop = threading.Event()
+
+    def sample():
+        frames = sys._current_frames()
+        while not stop.wait(5e-4):
+            frames = sys._current_frames()
+        frames.clear()
+
+    coordinates = {"azimuth": [0.0, 10.0], "delay": np.arange(5.0), "name": ("position", ["RX1"])}
+    scan = {"/": groups()["/cir"].assign_coords(coordinates), **{f"/{i}": groups()["/"] for i in range(5)}}
+    watcher = threading.Thread(target=sample)
+    watcher.start()
+    try:
+        for number in range(20):
+            write_product(scan, tmp_path / f"{number}.h5")
+    finally:
+        stop.set()
+        watcher.join()
+    assert len({(tmp_path / f"{number}.h5").read_bytes() for number in range(20)}) == 1
+
+
+def test_a_product_has_the_dimensions_of_netcdf(tmp_path):
+    """Scales with the names that the netCDF library looks for, attached to every axis."""
+    write_product({"/": groups()["/cir"].assign_coords(azimuth=[0.0, 10.0])}, tmp_path / "p.h5")
+    with h5py.File(tmp_path / "p.h5") as file:
+        assert [axis[0].name for axis in file["cir"].dims] == ["/azimuth", "/delay"]
+        assert file["azimuth"].attrs["CLASS"] == b"DIMENSION_SCALE"
+        assert file["azimuth"].attrs["NAME"] == b"azimuth"
+        # the text and the size, %10d, that the format prescribes for a dimension without coordinates
+        assert file["delay"].attrs["NAME"] == b"This is a netCDF dimension but not a netCDF variable.         5"
+    with h5netcdf.File(tmp_path / "p.h5") as file:
+        assert {name: dimension.size for name, dimension in file.dimensions.items()} == {"azimuth": 2, "delay": 5}
+        assert list(file.variables) == ["azimuth", "cir"]
 
 
 def test_a_product_that_cannot_be_written_whole_is_not_there(tmp_path):

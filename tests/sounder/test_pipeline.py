@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from erm import storage
 from erm.errors import DataError
 from erm.storage import open_group
 from sounder import position, twin
@@ -121,7 +122,7 @@ def test_a_product_is_whole_or_absent(jobs, tmp_path, monkeypatch):
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(xr.Dataset, "to_netcdf", interrupted)
+    monkeypatch.setattr(storage, "write_group", interrupted)
     for folder in (out, tmp_path / "new"):
         with pytest.raises(KeyboardInterrupt):
             process(batch, folder)

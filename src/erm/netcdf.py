@@ -1,0 +1,65 @@
+"""Datasets as groups of a netCDF4-compatible HDF5 file, to the same bytes however often they are written.
+
+xarray's writers make an empty scale for every dimension and replace it when the coordinate comes. HDF5 gives the room
+of the first to the second only if nothing in Python holds the first any more, and a profiler that samples frames, as
+dask's workers do, holds it now and then: the same content at other places. Here nothing is replaced.
+
+References
+----------
+The NetCDF-4 file format, Unidata, appendix "NetCDF-4 File Format Specification"; HDF5 Dimension Scale Specification.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import h5py
+    import xarray as xr
+
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.%10d"
+
+
+def write_group(group: "h5py.Group", dataset: "xr.Dataset") -> None:
+    """Write a dataset into an empty group.
+
+    Parameters
+    ----------
+    group : h5py.Group
+        Of a file that can be written.
+    dataset : xarray.Dataset
+        Complex numbers are written as h5py does, which netCDF has no type for.
+    """
+    import xarray as xr
+
+    variables, attributes = xr.conventions.encode_dataset_coordinates(dataset)
+    encoded = {
+        str(name): xr.conventions.encode_cf_variable(variable, name=name) for name, variable in variables.items()
+    }
+    group.attrs.update(attributes)
+    for dimension, size in dataset.sizes.items():
+        name = str(dimension)
+        if name in encoded:
+            _create(group, name, encoded[name]).make_scale(name)
+        else:
+            group.create_dataset(name, (size,), ">f4").make_scale(NO_VARIABLE % size)
+    for name, variable in encoded.items():
+        if name not in dataset.dims:
+            made = _create(group, name, variable)
+            for axis, dimension in enumerate(variable.dims):
+                made.dims[axis].attach_scale(group[str(dimension)])
+
+
+def _create(group: "h5py.Group", name: str, variable: "xr.Variable") -> "h5py.Dataset":
+    import h5py
+
+    attributes = dict(variable.attrs)
+    values = np.asarray(variable.values)
+    if values.dtype.kind in "UO":
+        dataset = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
+    else:
+        dataset = group.create_dataset(name, data=values, fillvalue=attributes.get("_FillValue"))
+        if "_FillValue" in attributes:  # netCDF has attributes of one value as arrays
+            attributes["_FillValue"] = np.array([attributes["_FillValue"]], values.dtype)
+    dataset.attrs.update(attributes)
+    return dataset
