@@ -31,6 +31,17 @@ class Threshold(StrEnum):
     letter = "letter"
 
 
+HELD = {
+    "positions": "positions left out",
+    "components": "their strongest components",
+    "right": "share of these that are predicted",
+    "positions_right": "share of positions with all of these predicted",
+    "delay": "of those predicted: median error of delay [s]",
+    "azimuth": "median error of azimuth [degree]",
+    "gain": "median error of gain [dB]",
+}
+
+
 @app.command()
 def reconstruct(
     mpcs: Annotated[
@@ -92,7 +103,7 @@ def reconstruct(
     if "delay_std" in merged.attrs:
         errors = merged.attrs["delay_std"] * 1e9, merged.attrs["azimuth_std"]
         source = merged.attrs["errors_from"]
-        print(f"errors: {errors[0]:.2g} ns, {errors[1]:.2g} degrees, typically; from {source} and residuals")
+        print(f"errors: {errors[0]:.2g} ns, {errors[1]:.2g} degrees, typically; by {source} and residuals")
     console.complain(complaints)
 
 
@@ -106,7 +117,11 @@ def evaluate(
         Path | None, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)
     ] = None,
     leave_one_out: Annotated[
-        bool, typer.Option("--leave-one-out", help="Predict each position of the MPCs from the map of the others.")
+        bool,
+        typer.Option(
+            "--leave-one-out",
+            help="Predict each position of the MPCs from a map made of the others, by the defaults; takes minutes.",
+        ),
     ] = False,
     z_slice: Annotated[
         float | None, typer.Option(help="Keep outline features with this z_slice_m; default the lowest.")
@@ -124,23 +139,23 @@ def evaluate(
     from erm.mpc_table import read_mpcs
     from erm.outline import outline_of, read_outline
 
-    if leave_one_out:
-        if not mpcs:
-            raise typer.BadParameter("--leave-one-out needs the MPCs that the map was made from")
+    if leave_one_out and not mpcs:
+        raise typer.BadParameter("--leave-one-out needs the MPCs that the map was made from")
+    if outline is None and not leave_one_out:
+        raise typer.BadParameter("say what to judge by: --outline FILE or --leave-one-out")
+    found = Environment.read(environment)
+    if leave_one_out or outline is None:
         from erm.holdout import leave_one_out as predict_each
         from erm.holdout import score
 
-        table, complaints = read_mpcs(mpcs)
+        table, complaints = read_mpcs(mpcs or [])
         held = score(predict_each(table))
         if as_json:
             print(json.dumps(rounded(held, digits=14), indent=2))
         else:
-            console.show(["leave one out", "result"], ([name, f"{value:.3g}"] for name, value in held.items()))
+            console.show(["leave one out", "result"], ([HELD[name], f"{value:.3g}"] for name, value in held.items()))
         console.complain(complaints)
         return
-    if outline is None:
-        raise typer.BadParameter("say what to judge by: --outline FILE or --leave-one-out")
-    found = Environment.read(environment)
     if outline.suffix.lower() in (".geojson", ".json"):
         truth = read_outline(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
     else:

@@ -11,8 +11,6 @@ The NetCDF-4 file format, Unidata, appendix "NetCDF-4 File Format Specification"
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     import h5py
     import xarray as xr
@@ -52,6 +50,7 @@ def write_group(group: "h5py.Group", dataset: "xr.Dataset") -> None:
 
 def _create(group: "h5py.Group", name: str, variable: "xr.Variable") -> "h5py.Dataset":
     import h5py
+    import numpy as np
 
     attributes = dict(variable.attrs)
     values = np.asarray(variable.values)

@@ -167,6 +167,7 @@ def test_no_components_are_an_empty_map(tmp_path: Path, mpcs: Path):
         (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 3], "TX and RX are both at"),
         (["predict", "{none}", "--tx", 1, 2, 3, "--rx", 4, 2, 3], "no such file"),
         (["evaluate", "{map}", "--outline", "{none}"], "none.h5: "),
+        (["evaluate", "{none}", "{mpcs}", "--leave-one-out"], "none.h5: "),
         (["reconstruct", "{mpcs}", "--out", "{map}.xyz"], "unknown format"),
         (["reconstruct", "{mpcs}", "--out", "{map}", "--figure", "{map}.xyz"], "not supported"),
     ],

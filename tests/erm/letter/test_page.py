@@ -10,6 +10,7 @@ from erm.letter.page import Page, cell
 
 
 def test_a_figure_is_written_as_vector_and_as_picture_and_shown_with_its_caption(tmp_path: Path):
+    open_before = plt.get_fignums()
     page = Page(tmp_path, "page.md")
     page.add("# Title")
     page.table(["a", "b"], [["x", 0.12345], ["y", float("nan")]])
@@ -18,7 +19,7 @@ def test_a_figure_is_written_as_vector_and_as_picture_and_shown_with_its_caption
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {"curve.pdf", "curve.png"}
     assert "| x | 0.123 |\n| y | – |" in text
     assert "*Figure 1 ([PDF](figures/curve.pdf)).* One curve." in text
-    assert not plt.get_fignums()
+    assert plt.get_fignums() == open_before
 
 
 def test_the_same_figure_gives_the_same_bytes(tmp_path: Path):
