@@ -135,7 +135,6 @@ def _view(
                 width_elevation,
                 pattern.floor * np.log(10) / 20,
                 matched.amplitude_variance,
-                _main_lobe(pattern),
             ]
         ),
         grid=np.array([azimuth.size, elevation.size, int(around), OVER]),

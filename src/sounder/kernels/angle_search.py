@@ -5,7 +5,7 @@ import math
 from sounder.kernels import beam_fit
 from sounder.kernels.beam_fit import fit_angles
 from sounder.kernels.compile import part
-from sounder.kernels.component import ALONE, AMPLITUDE_SPREAD, ELEVATION_SPREAD, NEAR, STARTS, Real, Work
+from sounder.kernels.component import AMPLITUDE_SPREAD, ELEVATION_SPREAD, NEAR, STARTS, Real, Work
 from sounder.kernels.delay_fit import magnitude_variance
 from sounder.kernels.view import (
     AROUND,
@@ -14,7 +14,6 @@ from sounder.kernels.view import (
     LOOK_AZIMUTH,
     LOOK_ELEVATION,
     LOWEST,
-    MAIN_LOBE,
     N_AZIMUTHS,
     N_ELEVATIONS,
     NOISE,
@@ -28,9 +27,6 @@ PLAUSIBLE = 9.0
 """Squared residuals, in variances, by which another direction may fit worse without being excluded: 3 deviations."""
 CLEARLY = 0.25
 """Residual power, relative to that of a fit from the beam's own direction, at which a fit from outside the fan wins."""
-MOSTLY = 0.3
-"""Residual power, relative to all, under which a direction of the main lobe is not given up for one of the sidelobes:
-two paths that are not told apart fit neither, and a path that only sidelobes see is far from fitting the main lobe."""
 EXPLORE, SETTLE = 8.0, 20.0
 """Most steps of a fit from one of several starts, and of the last from the best of them."""
 SURELY = 1.0
@@ -45,8 +41,7 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
 
     Beyond the edge the pattern's floor makes further minima: start from several angles, the beam's own first, and that
     one kept within half its power. One further out must fit clearly and surely better: neither interference nor noise
-    must turn a weak path into a strong one out there. And where a path is alone, no remainder of a stronger one,
-    it must be one that the main lobe does not fit at all. What is not excluded by three deviations is an error of the
+    must turn a weak path into a strong one out there. What is not excluded by three deviations is an error of the
     result, and how far it lies is kept in ``row``.
     """
     azimuth, elevation = view.beam[b, LOOK_AZIMUTH], view.beam[b, LOOK_ELEVATION]
@@ -56,11 +51,6 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
     outward = 1.0 if top else -1.0
     starts = STARTS if work.free[1] > 0.0 and (top or row_of_scan == 0) else 1
     edge = elevation + 0.5 * outward * view.limits[BEAMWIDTH]
-    power = 0.0
-    for i in range(NEAR):
-        if work.near[i] < 0:
-            break
-        power += work.magnitude[i] ** 2
     best = inside = math.inf
     first = elevation
     a0, a1, low, high, amplitude = azimuth, elevation, lowest, highest, 0.0
@@ -86,8 +76,7 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
             if accepted and cost < inside:
                 inside = cost
         else:
-            explained = row[ALONE] > 0.0 and inside < MOSTLY * power and seen < view.limits[MAIN_LOBE]
-            accepted = surely and cost < CLEARLY * inside and not explained
+            accepted = surely and cost < CLEARLY * inside
         if start == 0:
             first = angles[1]
         if accepted and cost < best:

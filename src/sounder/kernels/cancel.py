@@ -10,7 +10,6 @@ import numpy as np
 
 from sounder.kernels.compile import jit, part
 from sounder.kernels.component import (
-    ALONE,
     AMPLITUDE,
     ANEW,
     AZIMUTH,
@@ -26,7 +25,7 @@ from sounder.kernels.component import (
 from sounder.kernels.path import fit, fit_again, take
 from sounder.kernels.peaks import LEVEL, OFFSET, Integers, Limits, Search, highest, mark, search_around, search_block
 from sounder.kernels.pulse import power_around
-from sounder.kernels.view import LOOK_AZIMUTH, REACH, View, aim, pattern
+from sounder.kernels.view import REACH, View, aim, pattern
 
 TAKES, TOGETHER, PASSES = range(3)
 """Entries of ``effort``: whether paths are taken out of the beams, how often those that share samples with a new one
@@ -81,8 +80,7 @@ def cancel(
         k = search.where[b, block]
         row = found[count]
         row[BEAM], row[DELAY] = b, k
-        row[AZIMUTH], row[AMPLITUDE] = view.beam[b, LOOK_AZIMUTH], 0.0
-        row[ANEW], row[ALONE] = 1.0, _alone(found, count + 1, count, reach, period)
+        row[ANEW] = 1.0
         fit(beams, view, work, row)
         if effort[TAKES]:
             take(beams, view, limits.margin, work, row, taken, count)
@@ -109,7 +107,7 @@ def cancel(
     complete = search.peak[b, block] <= 0.0
     for turn in range(effort[PASSES]):
         for i in range(count):
-            found[i, ANEW], found[i, ALONE] = turn == 0, _alone(found, count, i, reach, period)
+            found[i, ANEW] = turn == 0
             fit_again(beams, view, limits.margin, work, found[i], taken, i)
     return _keep(found, count, view, limits, work, period), complete
 
@@ -147,15 +145,6 @@ def _is_copy(found: Real, count: int, i: int, view: View, limits: Limits, work: 
 def _share(row: Real, other: Real, azimuth: float, period: float) -> bool:
     """Tell whether two paths are fitted to samples that both are in."""
     return _apart(row[DELAY], other[DELAY], period) < SHARED and _apart(row[AZIMUTH], other[AZIMUTH], 360.0) < azimuth
-
-
-@part
-def _alone(found: Real, count: int, i: int, azimuth: float, period: float) -> float:
-    """1 where no stronger path shares samples with this one, else 0."""
-    for j in range(count):
-        if j != i and found[j, AMPLITUDE] >= found[i, AMPLITUDE] and _share(found[j], found[i], azimuth, period):
-            return 0.0
-    return 1.0
 
 
 @part

@@ -16,13 +16,13 @@ DELAY = 0
 AZIMUTH, ELEVATION, AMPLITUDE, VAR_AZIMUTH, VAR_ELEVATION, VAR_AMPLITUDE = range(1, 7)
 AZIMUTH_ELEVATION, AZIMUTH_AMPLITUDE, ELEVATION_AMPLITUDE, MISFIT = range(7, 11)
 LEFT_OVER, BEAM, OFF_BORESIGHT, ENERGY, LOWER, UPPER, ELEVATION_SPREAD, AMPLITUDE_SPREAD = range(11, 19)
-ANEW, ALONE = range(19, 21)
+ANEW = 19
 """Columns of the result: delay; what `beam_fit` tells, in its order; the power that the fit left around the peak, the
 beam it was found in, the pattern's amplitude from that beam toward it, its squares summed over the beams of the fit,
 the elevations between which it was fitted, and how far other directions lie that the beams do not exclude. The last
-two tell a fit what to do: whether to search the angles anew, and whether no stronger path is in the same samples. They
-are no arguments since a literal argument has numba compile a function, and all that it calls, once more."""
-COLUMNS = 21
+tells a fit whether to search the angles anew. It is no argument since a literal argument has numba compile a function,
+and all that it calls, once more."""
+COLUMNS = 20
 STARTS = 10
 """Directions that an angle fit at the edge of the fan starts from."""
 NEAR = 9

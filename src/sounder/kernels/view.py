@@ -14,7 +14,7 @@ Complex = npt.NDArray[np.complex128]
 NOISE, LOOK_AZIMUTH, LOOK_ELEVATION, COS_AZIMUTH, SIN_AZIMUTH, COS_ELEVATION, SIN_ELEVATION = range(7)
 """Columns of `View.beam`: mean noise power, NaN for beams that were not recorded, and where the beam looks [degree]."""
 GAIN, SLOPE = 0, 1
-REACH, LOWEST, HIGHEST, BEAMWIDTH, FLOOR, SPREAD, MAIN_LOBE = range(7)
+REACH, LOWEST, HIGHEST, BEAMWIDTH, FLOOR, SPREAD = range(6)
 """Entries of `View.limits`."""
 N_AZIMUTHS, N_ELEVATIONS, AROUND, OVER = range(4)
 """Entries of `View.grid`."""
@@ -33,10 +33,9 @@ class View(NamedTuple):
     pulse, matched : array complex (point,)
         The pulse of a path of amplitude 1, and the filter that measures the amplitude, conjugated;
         ``grid[OVER]`` points a sample.
-    limits : array (7,)
+    limits : array (6,)
         How far from its beam a path may be fitted in azimuth; lowest and highest elevation; half-power beamwidth in
-        elevation [degree]; the pattern's floor [neper]; variance of a measured amplitude, in noise powers; amplitude
-        of the pattern that only the main lobe has.
+        elevation [degree]; the pattern's floor [neper]; variance of a measured amplitude, in noise powers.
     grid : array (4,)
         Number of azimuths and elevations, whether the azimuths close a circle, and points of the pulse a sample.
     """

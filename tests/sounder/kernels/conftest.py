@@ -88,7 +88,7 @@ def make_view() -> Callable[..., View]:
             pulse=Hann.table(),
             matched=Hann.table(3),
             limits=np.array(
-                [10, -27, 27, 9, pattern.floor * np.log(10) / 20, 1 / np.sum(Hann.at(np.arange(-3, 4)) ** 2), 0.1]
+                [10, -27, 27, 9, pattern.floor * np.log(10) / 20, 1 / np.sum(Hann.at(np.arange(-3, 4)) ** 2)]
             ),
             grid=np.array([*grid, OVER]),
         )
