@@ -1,5 +1,6 @@
 """Figures of studies: sensed points against true ones, sectors in a DAPS. Saving is the caller's business."""
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -77,12 +78,15 @@ def plot_sectors(sectors: Sequence[Sector], axes: "PolarAxes") -> "PolarAxes":
     axes.set_rmax((1 + RIM) * outer)
     axes.set_yticks(rings)
     reflectors = [name for name in dict.fromkeys(sector.name for sector in sectors) if name != "direct"]
+    components = Counter[str]()  # a reflector seen under two azimuths has two sectors and one entry
+    for sector in sectors:
+        components[sector.name] += sector.components
     colours = {"direct": DIRECT} | {name: SECTORS[i % len(SECTORS)] for i, name in enumerate(reflectors)}
     for sector in sectors:
         start, stop = np.radians([sector.start, sector.stop])
         where: dict[str, Any] = {"x": (start + stop) / 2, "width": stop - start, "color": colours[sector.name]}
         axes.bar(height=outer, alpha=0.15, zorder=0.5, **where)
-        axes.bar(height=RIM * outer, bottom=outer, label=f"{sector.name} ({sector.components})", **where)
+        axes.bar(height=RIM * outer, bottom=outer, label=f"{sector.name} ({components[sector.name]})", **where)
     handles, labels = axes.get_legend_handles_labels()
     first = [labels.index(label) for label in dict.fromkeys(labels)]
     figure = axes.get_figure(root=True)

@@ -17,16 +17,8 @@ from sounder.position import Options, products_of
 from sounder.scene import Scene, load_scene
 from sounder.simulate import calibration_of, environment_of
 from sounder.twin import record
+from sounder.waveform import PRIMITIVE
 
-POLYNOMIALS = {
-    7: (7, 1, 0),
-    8: (8, 4, 3, 2, 0),
-    9: (9, 4, 0),
-    10: (10, 3, 0),
-    11: (11, 2, 0),
-    12: (12, 6, 4, 1, 0),
-}
-"""A primitive polynomial for each order of the sequence."""
 ATTENUATION = 60.0
 """Loss of the back-to-back's attenuator where the shipped one is not measured over the band [dB]."""
 
@@ -128,7 +120,7 @@ def _set_bandwidth(tables: dict, sounder: Sounder, bandwidth: float) -> None:
     waveform = tables["waveform"]
     ratio = bandwidth / sounder.waveform.sample_rate
     waveform["order"] = sounder.waveform.order + round(float(np.log2(ratio)))
-    waveform["polynomial"] = POLYNOMIALS.get(waveform["order"], ())
+    waveform["polynomial"] = PRIMITIVE.get(waveform["order"], ())
     waveform["sample_rate"], waveform["chip_rate"] = bandwidth, sounder.waveform.chip_rate * ratio
     tables["processing"]["bandwidth"] = sounder.bandwidth * ratio
 

@@ -26,10 +26,10 @@ def test_sensed_points_stand_over_the_true_ones():
 def test_a_sector_spans_its_azimuths_and_is_told_in_the_legend():
     axes = plt.figure(layout="constrained").add_subplot(projection="polar")
     axes.set_rlim(0, 100)
-    plot_sectors([Sector("direct", 80, 100, 1), Sector("W1", 350, 370, 3)], axes)
+    plot_sectors([Sector("direct", 80, 100, 1), Sector("W1", 350, 370, 3), Sector("W1", 200, 220, 2)], axes)
     first = axes.patches[0]
     assert np.degrees([first.get_x(), first.get_x() + first.get_width()]) == pytest.approx([80, 100])
-    assert [text.get_text() for text in axes.figure.legends[0].get_texts()] == ["direct (1)", "W1 (3)"]
+    assert [text.get_text() for text in axes.figure.legends[0].get_texts()] == ["direct (1)", "W1 (5)"]
 
 
 def test_the_letters_points_are_all_drawn_north_up():
