@@ -98,8 +98,8 @@ def reconstruct(
             for i, (name, row, n) in enumerate(zip(kind, rows, walls["support"].values, strict=True))
         ),
     )
-    counted = f"{np.sum(kind == 'wall')} walls and {np.sum(kind == 'pole')} poles"
-    print(f"{out}: {counted} from {int(merged.accepted.sum())} of {table.sizes['mpc']} components")
+    found = f"{console.counted(np.sum(kind == 'wall'), 'wall')} and {console.counted(np.sum(kind == 'pole'), 'pole')}"
+    print(f"{out}: {found} from {int(merged.accepted.sum())} of {table.sizes['mpc']} components")
     if "delay_std" in merged.attrs:
         errors = merged.attrs["delay_std"] * 1e9, merged.attrs["azimuth_std"]
         source = merged.attrs["errors_from"]
@@ -134,6 +134,7 @@ def evaluate(
     """Judge a map by a known outline, or by what it predicts."""
     import json
 
+    from erm.completeness import completeness, receivers_of
     from erm.environment import Environment
     from erm.evaluate import evaluate_mpcs, evaluate_walls, rounded
     from erm.mpc_table import read_mpcs
@@ -168,11 +169,16 @@ def evaluate(
     if mpcs:
         table, complaints = read_mpcs(mpcs)
         result["points"] = evaluate_mpcs(table, truth)
+        seen = completeness(found, truth, receivers_of(table))
+        result["visible"] = [row._asdict() for row in seen]
     if as_json:
         print(json.dumps(rounded(result), indent=2))
     else:
-        seen = f"{walls['found']} faces of the outline found, {walls['missed']} missed"
-        print(f"{walls['walls']} walls, {walls['false']} false; {seen}")
+        faces = console.counted(len(truth), "face")
+        print(
+            f"{console.counted(walls['walls'], 'wall')}, {walls['false']} false; "
+            f"on {walls['found']} of {faces} of the outline, seen by a receiver or not"
+        )
         errors = {"walls: offset [m]": walls["offset_error"], "walls: angle [degree]": walls["angle_error"]}
         for kind, summaries in result.get("points", {}).items():
             errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}
@@ -180,6 +186,14 @@ def evaluate(
         console.show(
             ["error", *names], ([label, *(_digits(row[name]) for name in names)] for label, row in errors.items())
         )
+        if "visible" in result:
+            console.show(
+                ["seen by receivers", "outline [m]", "with a wall [%]"],
+                (
+                    [f"{row['receivers']} or more", f"{row['length']:.0f}", _digits(100 * row["share"])]
+                    for row in result["visible"]
+                ),
+            )
     console.complain(complaints)
 
 

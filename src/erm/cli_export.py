@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from erm.console import counted
 from erm.formats import FREQUENCY, HEIGHT, MARGIN
 
 
@@ -47,4 +48,5 @@ def export(
         place = replace(place, georeference=Georeference(*origin, origin_height, heading))
     place.write(out, height=height, margin=margin, frequency=frequency)
     kinds = place.reflectors["kind"].values.tolist()
-    print(f"{out}: {kinds.count('wall')} walls and {kinds.count('pole')} poles")
+    meshes = f"; its meshes are {out.stem}-*.ply beside it" if out.suffix.lower() == ".xml" else ""
+    print(f"{out}: {counted(kinds.count('wall'), 'wall')} and {counted(kinds.count('pole'), 'pole')}{meshes}")

@@ -63,6 +63,11 @@ def show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     Console().print(table)
 
 
+def counted(number: int, thing: str) -> str:
+    """A number of things: ``1 wall``, ``2 walls``."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
 def complain(complaints: Sequence[str]) -> None:
     """Say on stderr what failed, and exit with 1 if anything did."""
     for complaint in complaints:

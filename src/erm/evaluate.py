@@ -151,7 +151,7 @@ def evaluate_walls(
     offsets: list[float] = []
     seen = np.zeros(len(outline), dtype=bool)
     for wall in walls:
-        faces, distances, turned = _faces_behind(wall, outline, STEP)
+        faces, distances, turned = faces_behind(wall, outline, STEP)
         on_face = faces[distances < FOUND_DISTANCE]
         if 2 * len(on_face) <= len(faces):
             matches.append(-1)
@@ -190,7 +190,7 @@ def covered_share(segments: FloatArray, others: FloatArray) -> float:
     covered = total = 0.0
     for segment in segments:
         length = float(np.linalg.norm(segment[1] - segment[0]))
-        _, distances, _ = _faces_behind(segment, others, FINE)
+        _, distances, _ = faces_behind(segment, others, FINE)
         covered += length * float(np.mean(distances < CLOSE))
         total += length
     return covered / total if total else float("nan")
@@ -215,7 +215,7 @@ def rounded(result: Mapping[str, Any], digits: int = 4) -> dict[str, Any]:
     return {key: plain(value) for key, value in result.items()}
 
 
-def _faces_behind(
+def faces_behind(
     wall: FloatArray, outline: FloatArray, step: float
 ) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
     """For samples of a wall: nearest parallel face and its distance [m]; and each face's angle [degree]."""

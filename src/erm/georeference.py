@@ -55,10 +55,15 @@ class Georeference:
     heading: float = 0.0
 
     def __post_init__(self) -> None:
-        if not all(map(isfinite, asdict(self).values())) or abs(self.latitude) > 90 or abs(self.longitude) > 180:
+        if (
+            not all(map(isfinite, asdict(self).values()))
+            or abs(self.latitude) > 90
+            or abs(self.longitude) > 180
+            or abs(self.heading) > 360
+        ):
             raise DataError(
                 f"origin at latitude {self.latitude} longitude {self.longitude} height {self.height} heading "
-                f"{self.heading}; expected latitudes from -90 to 90 and longitudes from -180 to 180 degrees"
+                f"{self.heading}; expected degrees: latitudes -90 to 90, longitudes -180 to 180, headings -360 to 360"
             )
 
     @classmethod

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from erm.constants import c
 from erm.errors import DataError
-from erm.storage import atomic_path, open_group
+from erm.storage import atomic_path, open_group, require_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -111,8 +111,7 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
         The file is missing, is not text, or lacks a column.
     """
     path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
+    require_file(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file, skipinitialspace=True)

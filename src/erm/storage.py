@@ -132,6 +132,20 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
             write_group(file.require_group(group), dataset)
 
 
+def require_file(path: Path) -> None:
+    """Refuse what is not a file.
+
+    Raises
+    ------
+    DataError
+        It is a folder, or is not there.
+    """
+    if path.is_dir():
+        raise DataError(f"{path}: is a folder; name the files in it, as in {path / '*'}")
+    if not path.is_file():
+        raise DataError(f"{path}: no such file")
+
+
 def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
     """Load one group of a product into memory and close the file.
 
@@ -144,8 +158,7 @@ def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
     import xarray as xr
 
     path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
+    require_file(path)
     if not h5py.is_hdf5(path):
         raise DataError(f"{path}: not an HDF5 file; expected a product of this software")
     with h5py.File(path, "r") as file:

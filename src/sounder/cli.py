@@ -98,7 +98,7 @@ def simulate(
     loaded = load_scene(scene)
     with console.progress("simulating", len(loaded.receivers)) as advance:
         written = simulate_campaign(loaded, out, progress=advance)
-    print(f"{out}: {len(written)} recordings")
+    print(f"{out}: {console.counted(len(written), 'recording')}")
 
 
 @app.command()
@@ -143,7 +143,7 @@ def convert(
 
     with console.progress("converting", 1):
         outcome = convert_file(file, out, layout=layout, sounder=sounder)
-    _report(outcome, out, "recordings")
+    _report(outcome, out, "recording")
 
 
 @app.command()
@@ -190,7 +190,7 @@ def process(
             jobs, out, options=options, threads=threads, workers=workers, scheduler=scheduler, progress=advance
         )
     outcome.failures[:0] = failures
-    _report(outcome, out, "products")
+    _report(outcome, out, "product")
 
 
 @app.command()
@@ -219,7 +219,7 @@ def figures(
             advance()
         if overlay and not failures:
             written += draw_overlay(products[0], products[1], out, suffix=file_format.value)
-    print(f"{out}: {len(written)} figures")
+    print(f"{out}: {console.counted(len(written), 'figure')}")
     console.complain(failures)
 
 
@@ -246,6 +246,8 @@ def score(
     from sounder.report import score_products, write_score
     from sounder.score import Gates
 
+    if out and out.suffix.lower() in (".csv", ".h5", ".json", ".png", ".pdf"):
+        raise typer.BadParameter(f"--out is a folder, for a table and figures; {out} looks like a file")
     gates = Gates(delay_gate, azimuth_gate, elevation_gate, gain_gate)
     judged, complaints = score_products(products, truth, gates=gates, dynamic_range=dynamic_range, least_snr=least_snr)
     summary = judged.summary()
@@ -269,7 +271,7 @@ def score(
 
 
 def _report(outcome: "Outcome", out: Path, what: str) -> None:
-    print(f"{out}: {len(outcome.products)} {what}")
+    print(f"{out}: {console.counted(len(outcome.products), what)}")
     for note in outcome.notes:
         print(f"note: {note}", file=sys.stderr)
     console.complain(outcome.failures)

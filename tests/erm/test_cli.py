@@ -52,7 +52,7 @@ def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys
     out, rps, figure = tmp_path / "map.geojson", tmp_path / "rps.csv", tmp_path / "map.png"
     assert run("reconstruct", mpcs, "--out", out, "--rps", rps, "--figure", figure) == 0
     printed = capsys.readouterr()
-    assert "1 walls and 0 poles from 6 of 6 components" in printed.out
+    assert "1 wall and 0 poles from 6 of 6 components" in printed.out
     assert printed.err == ""
     wall = Environment.read(out).reflectors.isel(reflector=0)
     assert wall["offset"].item() == pytest.approx(-9, abs=1e-3)
@@ -101,8 +101,10 @@ def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path,
     assert result["walls"]["offset_error"]["rmse"] == pytest.approx(0.1, abs=1e-3)
     assert result["points"]["single"]["perpendicular"]["mean"] == pytest.approx(0.1, abs=1e-3)
     assert result["points"]["planar"]["perpendicular"]["mean"] > 0.3
+    assert result["visible"][0]["length"] == pytest.approx(120)  # every receiver sees the one wall
+    assert 0 < result["visible"][0]["share"] < 0.5  # of which only the middle reflected
     assert run("evaluate", out, "--outline", outline) == 0
-    assert "1 walls, 0 false; 1 faces of the outline found, 0 missed" in capsys.readouterr().out
+    assert "1 wall, 0 false; on 1 of 1 face of the outline" in capsys.readouterr().out
 
 
 def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
@@ -110,7 +112,7 @@ def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
     Environment.walls([[[-60, 0.00312], [60, 0.00312]], [[-60, 20], [60, 20]]]).write(tmp_path / "outline.geojson")
     assert run("evaluate", tmp_path / "map.h5", "--outline", tmp_path / "outline.geojson") == 0
     walls, header, offset, _ = capsys.readouterr().out.splitlines()
-    assert walls == "1 walls, 0 false; 1 faces of the outline found, 1 missed"
+    assert walls == "1 wall, 0 false; on 1 of 2 faces of the outline, seen by a receiver or not"
     told = dict(zip(header.split("\t"), offset.split("\t"), strict=True))
     assert (told["error"], told["count"], told["rmse"]) == ("walls: offset [m]", "1", "0.00312")
 

@@ -50,6 +50,17 @@ def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     return np.array(rows[:vertices], dtype=float).reshape(-1, 3), corners[:, 1:], properties
 
 
+def test_names_of_meshes_are_plain_and_no_two_the_same(tmp_path):
+    names = ["index 1.6", "index-1.6", "INDEX/1.6"]
+    own = {name: Material(name, permittivity=(3.0, 0.0), conductivity=(0.01, 1.0)) for name in names}
+    walls = [[[0, 0], [1, 0]], [[0, 1], [1, 1]], [[0, 2], [1, 2]]]
+    Environment(make_reflectors(walls, material=names), materials=own).write(tmp_path / "a.xml")
+    meshes = {path.name for path in tmp_path.glob("*.ply")}
+    assert meshes == {"a-INDEX-1.6.ply", "a-index-1.6-1.ply", "a-index-1.6-2.ply"}
+    named = {node.get("value") for node in ElementTree.parse(tmp_path / "a.xml").iter("string")}
+    assert meshes <= named
+
+
 def test_a_ply_holds_every_surface_and_says_which_reflector_it_is(tmp_path):
     place_of().write(tmp_path / "map.ply", height=25.0, margin=7.0)
     vertices, faces, properties = read_ply(tmp_path / "map.ply")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from erm.errors import DataError
+from erm.storage import require_file
 
 if TYPE_CHECKING:
     from erm.environment import Environment
@@ -73,8 +74,7 @@ def read_environment(path: Path | str) -> "Environment":
 
     path = Path(path)
     _, read = _format_of(path)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
+    require_file(path)
     try:
         return to_environment(*read(path))
     except DataError as error:

@@ -6,11 +6,11 @@ conductivity. Both are taken for slabs of 0.1 m, which at millimetre waves and a
 half-spaces of `erm.trace`.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from math import pi
 from pathlib import Path
-from urllib.parse import quote
 from xml.etree import ElementTree
 
 from scipy.constants import epsilon_0
@@ -50,10 +50,11 @@ def write(surfaces: Sequence[Surface], materials: Mapping[str, Material], freque
     scene = ElementTree.Element("scene", version="2.1.0")
     scene.append(ElementTree.Comment(f" {SOFTWARE}; metres, z up; constant materials are those at {frequency:g} Hz "))
     used = sorted({surface.material for surface in surfaces})
+    stems = _file_names(used)
     with ExitStack() as files:
         document = files.enter_context(atomic_path(path))  # entered first, so moved last
         for name in used:
-            mesh = path.with_name(f"{path.stem}-{quote(name, safe='')}.ply")
+            mesh = path.with_name(f"{path.stem}-{stems[name]}.ply")
             text = ply.text_of([surface for surface in surfaces if surface.material == name], tagged=False)
             files.enter_context(atomic_path(mesh)).write_text(text, encoding="ascii")
             bsdf = _bsdf(materials[name], frequency)
@@ -65,6 +66,15 @@ def write(surfaces: Sequence[Surface], materials: Mapping[str, Material], freque
             ElementTree.SubElement(shape, "ref", name="bsdf", id=bsdf.attrib["id"])
         ElementTree.indent(scene)
         ElementTree.ElementTree(scene).write(document, encoding="utf-8", xml_declaration=True)
+
+
+def _file_names(materials: Sequence[str]) -> dict[str, str]:
+    """For each material a name that every file system and URL takes, no two the same."""
+    names: dict[str, str] = {}
+    for material in materials:
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", material)
+        names[material] = f"{plain}-{len(names)}" if plain.lower() in map(str.lower, names.values()) else plain
+    return names
 
 
 def _bsdf(material: Material, frequency: float) -> ElementTree.Element:

@@ -10,6 +10,7 @@ from pathlib import Path
 from h5py import is_hdf5
 
 from erm.errors import DataError
+from erm.storage import require_file
 from sounder.config import Sounder
 from sounder.readers import native
 from sounder.recording import Recording
@@ -35,8 +36,7 @@ def open_recordings(path: Path, sounder: Sounder | None = None) -> list[Recordin
     DataError
         No such file, or no reader knows it.
     """
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
+    require_file(path)
     for reader in (native, *(entry.load() for entry in entry_points(group="sounder.readers"))):
         if reader.is_format(path):
             found: list[Recording] = reader.recordings(path, sounder)

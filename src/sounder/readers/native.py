@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.errors import DataError
+from erm.storage import require_file
 from sounder.config import Sounder, parse
 from sounder.recording import BackToBack, Captures, Recording, check
 
@@ -33,10 +34,7 @@ def opened(path: Path, expected: str = "a file of this software") -> Iterator[h5
     DataError
         No such file, or it is not HDF5.
     """
-    if path.is_dir():
-        raise DataError(f"{path}: is a folder; name a file in it")
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
+    require_file(path)
     if not h5py.is_hdf5(path):
         raise DataError(f"{path}: not an HDF5 file; expected {expected}")
     try:

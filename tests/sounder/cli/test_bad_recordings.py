@@ -52,7 +52,7 @@ def test_a_bad_recording_is_named_and_the_rest_processed(copied, what, told, cap
     assert line.startswith(str(copied / "RX1.h5"))
     assert told in line
     assert names(out) == ["RX2.h5"]
-    assert printed.out == f"{out}: 1 products\n"
+    assert printed.out == f"{out}: 1 product\n"
 
 
 def test_what_is_no_recording_is_named(copied, capsys):

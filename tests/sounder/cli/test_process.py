@@ -122,7 +122,7 @@ def test_in_a_pipe_there_is_the_result_alone(copied):
         [sys.executable, "-m", "sounder.cli", *map(str, command)], capture_output=True, text=True, check=False
     )
     assert done.stderr == ""
-    assert done.stdout == f"{copied / 'out'}: 1 products\n"
+    assert done.stdout == f"{copied / 'out'}: 1 product\n"
     assert done.returncode == 0
 
 
