@@ -30,7 +30,7 @@ def failures(recording: Recording, groups: Mapping[str, xr.Dataset], problems: S
     """
     kinds = dict.fromkeys((problem.what, problem.then) for problem in problems)
     found = [_spoiled(recording, problems, *kind) for kind in kinds]
-    if (impossible := _over_free_space(groups["/mpc"], recording.sounder.carrier.frequency)) is not None:
+    if (impossible := _over_free_space(groups["/mpc"], recording)) is not None:
         found.append(impossible)
     return [f"{_who(recording)}: {failure}" for failure in found]
 
@@ -75,7 +75,7 @@ def _named(directions: Sequence[tuple[float, float]]) -> str:
     return f"(azimuth, elevation) {shown}{more}"
 
 
-def _over_free_space(mpc: xr.Dataset, frequency: float) -> str | None:
+def _over_free_space(mpc: xr.Dataset, recording: Recording) -> str | None:
     """Tell of the MPC that stands highest over free space, if that is more than can be.
 
     A path of length ``c delay`` between isotropic antennas has at most the gain ``(c / (4 pi f c delay))**2``: plane
@@ -83,13 +83,20 @@ def _over_free_space(mpc: xr.Dataset, frequency: float) -> str | None:
     all delays or all gains of the position: a failure, not a note, although the product is there to look into. Two
     equal paths in step that cannot be told apart stand 6 dB over it: a false alarm that is rarer than a wrong position.
 
+    The path that was received best gets no such allowance where it came before the direct path and so was taken for one
+    a period later: reflected, it would have less than free space over so long a way.
+
     Source: Friis, Proc. IRE 34 (1946) 254-256.
     """
     if not mpc.sizes["mpc"]:
         return None
+    frequency, period = recording.sounder.carrier.frequency, recording.sounder.waveform.period
     delay, gain = mpc["delay"].values, mpc["path_gain"].values
     excess = gain + 20 * np.log10(4 * np.pi * frequency * np.maximum(delay, np.finfo(float).tiny))
     sure = excess - EXCESS - 2 * np.nan_to_num(mpc["path_gain_std"].values)
+    best = int(np.argmax(mpc["snr"].values))
+    if np.linalg.norm(recording.tx_position - recording.rx_position) / c < period <= delay[best]:
+        sure[best] = excess[best]
     worst = int(np.argmax(sure))
     if sure[worst] <= 0:
         return None
