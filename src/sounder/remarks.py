@@ -83,8 +83,8 @@ def _over_free_space(mpc: xr.Dataset, recording: Recording) -> str | None:
     all delays or all gains of the position: a failure, not a note, although the product is there to look into. Two
     equal paths in step that cannot be told apart stand 6 dB over it: a false alarm that is rarer than a wrong position.
 
-    The path that was received best gets no such allowance where it came before the direct path and so was taken for one
-    a period later: reflected, it would have less than free space over so long a way.
+    The strongest path gets no such allowance where it came before the direct one and so was taken for one a period
+    later: reflected, it would have less than free space over so long a way.
 
     Source: Friis, Proc. IRE 34 (1946) 254-256.
     """
@@ -93,8 +93,9 @@ def _over_free_space(mpc: xr.Dataset, recording: Recording) -> str | None:
     frequency, period = recording.sounder.carrier.frequency, recording.sounder.waveform.period
     delay, gain = mpc["delay"].values, mpc["path_gain"].values
     excess = gain + 20 * np.log10(4 * np.pi * frequency * np.maximum(delay, np.finfo(float).tiny))
-    sure = excess - EXCESS - 2 * np.nan_to_num(mpc["path_gain_std"].values)
-    best = int(np.argmax(mpc["snr"].values))
+    doubt = np.nan_to_num(mpc["path_gain_std"].values)
+    sure = excess - EXCESS - 2 * doubt
+    best = int(np.argmax(gain - doubt))
     if np.linalg.norm(recording.tx_position - recording.rx_position) / c < period <= delay[best]:
         sure[best] = excess[best]
     worst = int(np.argmax(sure))

@@ -29,7 +29,6 @@ def test_a_gain_surely_over_free_space_is_a_failure(description, excess, std, to
     recording = twin.record(nothing, sounder, name="P", tx_position=(0, 0, 1), rx_position=(LENGTH, 0, 1), snapshots=1)
     free_space = 20 * np.log10(c / sounder.carrier.frequency / (4 * np.pi * LENGTH))
     columns = {"delay": np.full(len(std), LENGTH / c), "path_gain": free_space + np.array(excess), "path_gain_std": std}
-    columns["snr"] = 40 + np.array(excess)
     mpc = xr.Dataset({name: ("mpc", np.array(values, float)) for name, values in columns.items()})
     lines = failures(recording, {"/mpc": mpc}, [])
     assert len(lines) == told
@@ -37,19 +36,21 @@ def test_a_gain_surely_over_free_space_is_a_failure(description, excess, std, to
 
 
 @pytest.mark.parametrize(
-    ("excess", "snr", "told"),
+    ("excess", "std", "told"),
     [
-        ([4.8, -6.0], [50.0, 40.0], True),  # the direct path, its receiver written 140 m off
-        ([4.8, -6.0], [30.0, 40.0], False),  # not received best
-        ([-0.5, -6.0], [50.0, 40.0], False),  # off metal, a period late
+        ([4.8, -30.0], [1.5, 0.1], True),  # the direct path, its receiver written 140 m off
+        ([4.8, -10.0], [9.0, 0.1], False),  # perhaps not the strongest
+        ([-0.5, -30.0], [0.1, 0.1], False),  # off metal, a period late
     ],
 )
-def test_the_best_path_before_the_direct_one_may_not_reach_free_space_a_period_later(description, excess, snr, told):
+def test_the_strongest_path_before_the_direct_one_may_not_reach_free_space_a_period_later(
+    description, excess, std, told
+):
     sounder = description()
     nothing = xr.Dataset({name: ("path", np.empty(0)) for name in ("delay", "azimuth", "elevation", "coefficient")})
     recording = twin.record(nothing, sounder, name="P", tx_position=(0, 0, 1), rx_position=(LENGTH, 0, 1), snapshots=1)
     delay = np.array([LENGTH / c / 2 + sounder.waveform.period, LENGTH / c])
     gain = 20 * np.log10(1 / sounder.carrier.frequency / (4 * np.pi * delay)) + excess
-    columns = {"delay": delay, "path_gain": gain, "path_gain_std": np.full(2, 10.0), "snr": np.array(snr)}
+    columns = {"delay": delay, "path_gain": gain, "path_gain_std": np.array(std)}
     mpc = xr.Dataset({name: ("mpc", values) for name, values in columns.items()})
     assert len(failures(recording, {"/mpc": mpc}, [])) == told
