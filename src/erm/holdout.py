@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STRONGEST = 3  # components of a position that are looked for
-BEYOND, STOREYS = 7.5, 10.0  # m; how much longer and higher than seen walls may be: gaps of 15 m are closed
+BEYOND, STOREYS = 10.0, 10.0  # m; how much longer and higher than seen walls may be: gaps of 15 m are closed
 DELAY, AZIMUTH, GAIN = 0.5e-9, 2.0, 3.0  # s, degree, dB; a prediction nearer than this is right
 
 
@@ -31,12 +31,28 @@ class Prediction(NamedTuple):
     delay: np.ndarray  # (component,) s
     azimuth: np.ndarray  # (component,) degree
     gain: np.ndarray  # (component,) dB
+    gain_std: np.ndarray  # (component,) dB, of the measurement; 0 where the table gives none
+
+    @property
+    def located(self) -> np.ndarray:
+        """Whether (component,) a path is predicted within the tolerances of delay and azimuth."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray((np.abs(self.delay) < DELAY) & (np.abs(self.azimuth) < AZIMUTH))
 
     @property
     def right(self) -> np.ndarray:
-        """Whether (component,) each is predicted within the tolerances."""
+        """Whether (component,) its gain is predicted within the tolerance, too."""
         with np.errstate(invalid="ignore"):
-            return (np.abs(self.delay) < DELAY) & (np.abs(self.azimuth) < AZIMUTH) & (np.abs(self.gain) < GAIN)
+            return self.located & (np.abs(self.gain) < GAIN)
+
+    @property
+    def compatible(self) -> np.ndarray:
+        """Whether (component,) its gain is predicted within the tolerance or two standard errors of the measurement.
+
+        The gain of a path that arrives beyond the fan of a scan is measured to some 10 dB only.
+        """
+        with np.errstate(invalid="ignore"):
+            return self.located & (np.abs(self.gain) < np.maximum(GAIN, 2 * self.gain_std))
 
 
 def leave_one_out(
@@ -70,12 +86,10 @@ def leave_one_out(
         environment, _ = reconstruct(select(table.isel(mpc=np.flatnonzero(link != one))))
         ends = (held["tx_position"].values[0], held["rx_position"].values[0])
         frequency = float(held["frequency"].values[0])
-        # a wall made longer reflects more and hides more; what either map shows is predicted
-        maps = (environment, prolonged(environment, beyond))
-        both = [trace(one_map, *ends, frequency, max_order=max_order) for one_map in maps]
-        delay, azimuth, gain = (
-            np.concatenate([paths[name].values for paths in both]) for name in ("delay", "azimuth", "path_gain")
-        )
+        # walls may reflect further than they were seen to, but hide only where they were seen
+        longer = prolonged(environment, beyond)
+        paths = trace(longer, *ends, frequency, max_order=max_order, obstacles=environment)
+        delay, azimuth, gain = (paths[name].values for name in ("delay", "azimuth", "path_gain"))
         rows = np.argsort(-held["path_gain"].values, kind="stable")[:strongest]
         errors = np.full((3, len(rows)), np.nan)
         for column, row in enumerate(rows):
@@ -84,7 +98,8 @@ def leave_one_out(
             if len(late):
                 near = int(np.argmin((late / DELAY) ** 2 + (aside / AZIMUTH) ** 2))
                 errors[:, column] = late[near], aside[near], gain[near] - held["path_gain"].values[row]
-        result.append(Prediction(str(held["position"].values[0]), *errors))
+        doubt = np.nan_to_num(held["path_gain_std"].values[rows])
+        result.append(Prediction(str(held["position"].values[0]), errors[0], errors[1], errors[2], doubt))
     return result
 
 
@@ -104,7 +119,8 @@ def prolonged(environment: Environment, beyond: float) -> Environment:
 def score(predictions: list[Prediction]) -> dict[str, Any]:
     """``positions``, ``components``, the share of components predicted ``right``, and of positions with all right.
 
-    Further the median absolute errors ``delay`` [s], ``azimuth`` [degree] and ``gain`` [dB] of the right ones.
+    Further the shares of positions with all components ``located`` and ``compatible``, and the median absolute errors
+    ``delay`` [s], ``azimuth`` [degree] and ``gain`` [dB] of the right ones.
     """
     right = np.concatenate([one.right for one in predictions])
     errors = np.concatenate([np.stack([one.delay, one.azimuth, one.gain]) for one in predictions], axis=1)
@@ -114,5 +130,7 @@ def score(predictions: list[Prediction]) -> dict[str, Any]:
         "components": int(right.size),
         "right": float(right.mean()),
         "positions_right": float(np.mean([one.right.all() for one in predictions])),
+        "positions_located": float(np.mean([one.located.all() for one in predictions])),
+        "positions_compatible": float(np.mean([one.compatible.all() for one in predictions])),
         **dict(zip(("delay", "azimuth", "gain"), middle.tolist(), strict=True)),
     }

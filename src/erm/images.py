@@ -99,7 +99,9 @@ def _in_wedge(faces: Faces, apex: np.ndarray, window: np.ndarray, wall: np.ndarr
     return inside_left & inside_right & beyond.any(-1)
 
 
-def bounces(faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences) -> tuple[np.ndarray, np.ndarray]:
+def bounces(
+    faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences, hiding: Faces
+) -> tuple[np.ndarray, np.ndarray]:
     """Bounce points of the sequences that carry a path from transmitter to receiver.
 
     Backwards from the receiver: the line to the last image meets the last face at the last bounce, the line
@@ -113,6 +115,8 @@ def bounces(faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences)
         [m].
     candidates : Sequences
         Of one length.
+    hiding : Faces
+        That no leg may pass through.
 
     Returns
     -------
@@ -134,7 +138,7 @@ def bounces(faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences)
         candidates, target, vertices = candidates.take(inside), target[inside], vertices[inside]
         vertices[:, bounce] = target
     route = polyline(tx, vertices, rx)
-    free = clear(faces, route[:, :-1], route[:, 1:]).all(axis=-1)
+    free = clear(hiding, route[:, :-1], route[:, 1:]).all(axis=-1)
     return vertices[free], candidates.face[free]
 
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 FEWEST = 6  # residuals beyond the parameters that are fitted to them, to estimate errors from
 CLEAR = 3.0  # standard errors by which residuals must exceed what they should be, to say that the errors were too small
 COVERED = "no wall shared with other positions"
+SURVEY_LENGTH = 0.01  # m; antennas are surveyed to a centimetre, and 30 ps of a clock are as much
+SURVEY_AZIMUTH = 0.2  # degree; the heading of a mast
 
 
 def reconstruct(
@@ -85,10 +87,15 @@ def search(paths: Paths, known: npt.NDArray[np.bool_], min_support: int, count: 
     """Groups of paths with common images, and the paths with the errors that these groups show.
 
     Where a table gives no errors (``known`` false) those of the paths are first what `select` made of ``count`` direct
-    paths, then what these and the residuals show. Where it does, what the residuals show beyond them is added.
+    paths, then what these and the residuals show. Where it does, what the residuals show beyond them is added: survey
+    and clock shift all paths of a link alike, which the table cannot know. So as not to leave out the links that show
+    it, the first search allows for such errors.
     """
-    groups = find_groups(paths, min_support)
     first = paths
+    length_std = np.where(known, np.hypot(first.length_std, SURVEY_LENGTH), first.length_std)
+    azimuth_std = np.where(known, np.hypot(first.azimuth_std, SURVEY_AZIMUTH), first.azimuth_std)
+    paths = first.with_errors(length_std, azimuth_std)
+    groups = find_groups(paths, min_support)
     for _ in range(2):
         adapted = _adapted(first, paths, known, count, groups)
         if adapted is None:
@@ -145,13 +152,14 @@ def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: in
     ):
         values = white[kept[:, column], column]
         if len(values) < FEWEST:
-            new.append(std)
+            new.append(np.where(known, start, std))
             continue
         factor = scale(values)
-        own = std[members[kept[:, column]]]
+        rows = members[kept[:, column]]
+        residual = values * std[rows]
         # the square of a median absolute deviation of n Gaussian errors is right to 1.65 / sqrt(n)
-        clear = factor**2 > 1 + CLEAR * 1.65 / np.sqrt(len(values))
-        wider = widened(values * own, own, std) if clear else std
+        clear = scale(residual / start[rows]) ** 2 > 1 + CLEAR * 1.65 / np.sqrt(len(values))
+        wider = widened(residual, start[rows], start) if clear else start
         pooled = np.sqrt((count * start**2 + len(values) * (std * factor) ** 2) / (count + len(values)))
         new.append(np.where(known, wider, np.maximum(pooled, least)))
     changed = max(

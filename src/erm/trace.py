@@ -25,6 +25,7 @@ def trace(
     *,
     max_order: int = 3,
     polarization: str = "vertical",
+    obstacles: Environment | None = None,
 ) -> "xr.Dataset":
     """Find the direct path and all specular paths between two isotropic antennas.
 
@@ -43,6 +44,9 @@ def trace(
         Largest number of bounces.
     polarization : {"vertical", "horizontal"}
         Of both antennas.
+    obstacles : Environment, optional
+        What stands in the way of paths; by default the environment. Where walls may reach further than they are known
+        to, paths off all that may be there and past all that is known to be are found by giving both.
 
     Returns
     -------
@@ -69,11 +73,12 @@ def trace(
         raise DataError(f"max_order {max_order}; expected 0 or more")
 
     faces = faces_of(environment)
-    found = [_direct(faces, here, there)]
+    hiding = faces if obstacles is None else faces_of(obstacles)
+    found = [_direct(hiding, here, there)]
     if max_order:
-        found.append(_poles(environment, faces, here, there))
+        found.append(_poles(environment, hiding, here, there))
     for candidates in sequences(faces, here, max_order):
-        vertices, face = bounces(faces, here, there, candidates)
+        vertices, face = bounces(faces, here, there, candidates, hiding)
         found.append((vertices, faces.label[face], faces.normal[face], None))
     parts = [_paths(environment, here, there, frequency, polarization, *group) for group in found if len(group[0])]
     return _table(parts, max_order, frequency)
@@ -82,12 +87,12 @@ def trace(
 Group = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]  # vertices, reflector, normal, spreading
 
 
-def _direct(faces: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
-    seen = int(clear(faces, tx[None], rx[None])[0])
+def _direct(hiding: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
+    seen = int(clear(hiding, tx[None], rx[None])[0])
     return np.empty((seen, 0, 3)), np.empty((seen, 0), dtype=int), np.empty((seen, 0, 3)), None
 
 
-def _poles(environment: Environment, faces: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
+def _poles(environment: Environment, hiding: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
     table = environment.reflectors
     label = np.flatnonzero(table.kind.values == "pole")
     centre, radius = table.end_points.values[label, 0], table.radius.values[label]
@@ -95,7 +100,7 @@ def _poles(environment: Environment, faces: Faces, tx: np.ndarray, rx: np.ndarra
     point, normal = pole_bounces(tx, rx, centre, radius)
     hit = np.flatnonzero((point[:, 2] >= base) & (point[:, 2] <= top))  # NaN, no bounce, is neither
     route = polyline(tx, point[hit, None], rx)
-    hit = hit[clear(faces, route[:, :-1], route[:, 1:]).all(axis=-1)]
+    hit = hit[clear(hiding, route[:, :-1], route[:, 1:]).all(axis=-1)]
     spreading = pole_spreading(tx, rx, point[hit], normal[hit], radius[hit])
     return point[hit, None], label[hit, None], normal[hit, None], spreading
 

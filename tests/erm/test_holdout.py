@@ -37,6 +37,28 @@ def test_positions_amid_others_are_predicted():
     assert result["gain"] < 1.0
 
 
+def test_a_gain_that_was_measured_badly_is_told_from_one_that_is_predicted_badly():
+    table = street()
+    table["path_gain_std"][:] = 0.5
+    wrong = table.sizes["mpc"] // 2
+    table["path_gain"][wrong] = table["path_gain"].values[wrong] + 8.0
+    result = score(leave_one_out(table, max_order=1, strongest=1))
+    assert result["positions_located"] > result["positions_right"]
+    assert result["positions_compatible"] == result["positions_right"]
+    table["path_gain_std"][wrong] = 5.0
+    assert score(leave_one_out(table, max_order=1, strongest=1))["positions_compatible"] == result["positions_located"]
+
+
+def test_a_wall_that_may_go_on_does_not_hide_what_was_seen_beside_it():
+    # the far wall is seen past the end of the near one, which would hide it were it as long as it may be
+    near, far = [[10.0, 8.0], [20.0, 8.0]], [[0.0, 30.0], [60.0, 30.0]]
+    known = Environment.walls([near, far], top=9.0)
+    rx = np.array([50.0, 0.0, 1.5])
+    longer = prolonged(known, 10.0)
+    orders = [trace(longer, TX, rx, FREQUENCY, max_order=1, obstacles=hiding)["order"] for hiding in (longer, known)]
+    assert [int(order.sum()) for order in orders] == [1, 2]
+
+
 def test_longer_walls_stay_on_their_lines():
     longer = prolonged(STREET, 5.0).reflectors
     length = np.linalg.norm(np.diff(longer["end_points"].values, axis=1)[:, 0], axis=-1)

@@ -5,6 +5,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.constants import c
 
 from erm.evaluate import evaluate_walls, face_hits, point_errors
@@ -149,6 +150,34 @@ def test_errors_that_a_table_does_not_state_are_found():
     assert merged.attrs["azimuth_std"] == pytest.approx(1.0, rel=0.3)
 
 
+@pytest.mark.parametrize("seed", [6, 8, 11])
+def test_clocks_that_are_off_by_more_than_the_table_knows_lose_no_paths(seed):
+    # 12 ps are 4 mm, 5 of the standard errors that the table knows of, and shift all paths of a recording alike
+    rxs = route(6)
+    table = scene(WALLS, TX[:1], rxs, 2.4e-12, 0.03, seed=seed)
+    table["delay_std"][:], table["azimuth_std"][:] = 2.4e-12, 0.03
+    _, position = np.unique(table["rx_position"].values[:, 0], return_inverse=True)
+    table["delay"][:] = table["delay"].values + np.random.default_rng(seed).normal(0, 12e-12, 6)[position]
+    environment, merged = reconstruct(select(table), max_gap=np.inf)
+    assert environment.reflectors["support"].values.tolist() == [6] * len(WALLS)
+    assert merged["accepted"].values.all()
+
+
+@pytest.mark.parametrize(("silent", "pieces"), [(1, 1), (2, 1), (3, 2)])
+def test_a_wall_ends_where_three_links_saw_none_and_not_where_one_missed_it(silent, pieces):
+    # the wall east = 30; links between those at its two ends should have seen it half-way and did not
+    north = np.r_[np.linspace(-24, -14, 4), np.linspace(14, 24, 4)]
+    quiet = np.linspace(-2, 2, silent)
+    tx = np.array([[0.0, 0.0, 10.0]])
+    heard = np.column_stack([np.zeros(8), north, np.full(8, 1.4)])
+    table = scene(np.array([[180.0, -30.0]]), tx, heard, 1e-11, 0.1)
+    deaf = np.column_stack([np.full(silent, 5.0), quiet, np.full(silent, 1.4)])
+    elsewhere = scene(np.array([[0.0, -20.0]]), tx, deaf, 1e-11, 0.1, seed=5)
+    environment, _ = reconstruct(select(xr.concat([table, elsewhere], dim="mpc")))
+    east = np.abs(environment.reflectors["end_points"].values[:, 0, 0] - 30) < 0.1
+    assert east.sum() == pieces
+
+
 def test_a_direct_path_through_a_gap_ends_a_wall():
     wall = np.array([[90.0, 0.0]])
     rxs = np.array([[x, 10.0, 1.4] for x in (-24.0, -20.0, -16.0, 16.0, 20.0, 24.0)])
@@ -156,8 +185,6 @@ def test_a_direct_path_through_a_gap_ends_a_wall():
     table = scene(wall, txs, rxs, 1e-11, 0.1)
     through = bounces(txs, np.array([[0.1, -15.0, 0.9]]), loss=0.0)  # passes below the reflection points
     opened = joined([through])
-    import xarray as xr
-
     whole, _ = reconstruct(select(table), max_gap=100.0)
     cut, _ = reconstruct(select(xr.concat([table, opened], dim="mpc")), max_gap=100.0)
     assert whole.reflectors.sizes["reflector"] == 1
