@@ -238,7 +238,8 @@ def score(
 ) -> None:
     """Judge MPCs by the paths that were there.
 
-    How many were found, how many made up, how far off they are and how honest about it.
+    How many were found, how many made up, how far off they are, and how honest about it: of the errors, 68 % should lie
+    within one stated standard deviation and 95 % within two.
     """
     import json
 
