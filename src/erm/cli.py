@@ -87,7 +87,8 @@ def reconstruct(
     if figure:
         from erm.figures import plot_map
 
-        console.save_figure(plot_map(environment, table=merged), figure)
+        numbers = [str(i) for i in range(environment.reflectors.sizes["reflector"])]
+        console.save_figure(plot_map(environment, table=merged, names=numbers), figure)
     walls = environment.reflectors
     kind = walls["kind"].values
     length = np.linalg.norm(walls["end_points"].values[:, 1] - walls["end_points"].values[:, 0], axis=-1)
