@@ -52,7 +52,9 @@ def horizontal_length(
 def unit(azimuth: npt.ArrayLike) -> FloatArray:
     """Horizontal unit vectors (..., 2) of azimuths [degree, counter-clockwise from east]."""
     angle = np.deg2rad(np.asarray(azimuth, dtype=float))
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    vector = np.empty((*angle.shape, 2))
+    vector[..., 0], vector[..., 1] = np.cos(angle), np.sin(angle)
+    return vector
 
 
 def azimuth_of(vector: npt.ArrayLike) -> FloatArray:

@@ -21,6 +21,7 @@ GAIN_STD = 0.0  # dB; not looked for, the losses of one wall scatter by more
 LEAST = (1e-12, 1e-2, 1e-2)  # s, degree, degree; 0.3 mm, and 2 mm at 10 m: below, survey and arithmetic rule
 SHARES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0)  # of a common error in the typical one
 NORMAL = 1.4826  # standard deviations of a Gaussian in its median absolute deviation
+EVIDENCE = 5.0  # log odds of wider errors against what the table says, of 150 to 1
 FEWEST = 5  # direct paths or residuals that make an estimate
 
 
@@ -68,7 +69,8 @@ def widened(residual: FloatArray, of: FloatArray, std: FloatArray) -> FloatArray
 
     Errors that a table underrates may be in proportion to what it says, as those of paths that others disturb, or the
     same for all, as those of a survey. Of ``f * hypot(std, share * median(std))`` for some shares, with ``f`` the scale
-    of the residuals, the one is taken under which these are likeliest (Student's t of 3 degrees of freedom).
+    of the residuals, the one is taken under which these are likeliest (Student's t of 3 degrees of freedom). What the
+    table says holds unless that is likelier by a factor ``exp(EVIDENCE)``: few residuals are large by chance.
 
     Parameters
     ----------
@@ -78,14 +80,19 @@ def widened(residual: FloatArray, of: FloatArray, std: FloatArray) -> FloatArray
         Standard errors to widen.
     """
     typical = float(np.median(of))
-    best, likeliest = std, -np.inf
+    best, likeliest = std, _likelihood(residual, of) + EVIDENCE
     for share in SHARES:
         own = np.hypot(of, share * typical)
         factor = scale(residual / own)
-        likelihood = -np.sum(np.log(factor * own) + 2 * np.log1p((residual / (factor * own)) ** 2 / 3))
+        likelihood = _likelihood(residual, factor * own)
         if likelihood > likeliest:
             best, likeliest = np.maximum(std, factor * np.hypot(std, share * typical)), likelihood
     return best
+
+
+def _likelihood(residual: FloatArray, std: FloatArray) -> float:
+    """Logarithm, but for a constant, of Student's t of 3 degrees of freedom."""
+    return -float(np.sum(np.log(std) + 2 * np.log1p((residual / std) ** 2 / 3)))
 
 
 def scale(errors: FloatArray) -> float:

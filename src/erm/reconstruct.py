@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FEWEST = 6  # residuals beyond the parameters that are fitted to them, to estimate errors from
-CLEAR = 3.0  # standard errors by which residuals must exceed what they should be, to say that the errors were too small
+CLEAR = 3.0  # standard errors by which the strain of a wall must exceed 1, to say that its errors were too small
 COVERED = "no wall shared with other positions"
 SURVEY_LENGTH = 0.01  # m; antennas are surveyed to a centimetre, and 30 ps of a clock are as much
 SURVEY_AZIMUTH = 0.2  # degree; the heading of a mast
@@ -157,9 +157,7 @@ def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: in
         factor = scale(values)
         rows = members[kept[:, column]]
         residual = values * std[rows]
-        # the square of a median absolute deviation of n Gaussian errors is right to 1.65 / sqrt(n)
-        clear = scale(residual / start[rows]) ** 2 > 1 + CLEAR * 1.65 / np.sqrt(len(values))
-        wider = widened(residual, start[rows], start) if clear else start
+        wider = widened(residual, start[rows], start)
         pooled = np.sqrt((count * start**2 + len(values) * (std * factor) ** 2) / (count + len(values)))
         new.append(np.where(known, wider, np.maximum(pooled, least)))
     changed = max(

@@ -150,17 +150,18 @@ def test_errors_that_a_table_does_not_state_are_found():
     assert merged.attrs["azimuth_std"] == pytest.approx(1.0, rel=0.3)
 
 
-@pytest.mark.parametrize("seed", [6, 8, 11])
-def test_clocks_that_are_off_by_more_than_the_table_knows_lose_no_paths(seed):
+def test_clocks_that_are_off_by_more_than_the_table_knows_lose_few_paths():
     # 12 ps are 4 mm, 5 of the standard errors that the table knows of, and shift all paths of a recording alike
-    rxs = route(6)
-    table = scene(WALLS, TX[:1], rxs, 2.4e-12, 0.03, seed=seed)
-    table["delay_std"][:], table["azimuth_std"][:] = 2.4e-12, 0.03
-    _, position = np.unique(table["rx_position"].values[:, 0], return_inverse=True)
-    table["delay"][:] = table["delay"].values + np.random.default_rng(seed).normal(0, 12e-12, 6)[position]
-    environment, merged = reconstruct(select(table), max_gap=np.inf)
-    assert environment.reflectors["support"].values.tolist() == [6] * len(WALLS)
-    assert merged["accepted"].values.all()
+    lost = 0
+    for seed in range(6, 12):
+        table = scene(WALLS, TX[:1], route(6), 2.4e-12, 0.03, seed=seed)
+        table["delay_std"][:], table["azimuth_std"][:] = 2.4e-12, 0.03
+        _, position = np.unique(table["rx_position"].values[:, 0], return_inverse=True)
+        table["delay"][:] = table["delay"].values + np.random.default_rng(seed).normal(0, 12e-12, 6)[position]
+        environment, merged = reconstruct(select(table), max_gap=np.inf)
+        assert environment.reflectors.sizes["reflector"] == len(WALLS)
+        lost += int((~merged["accepted"].values).sum())
+    assert lost <= 0.05 * 6 * 6 * len(WALLS)  # six clocks tell their scatter to a third, and one may lie far out
 
 
 @pytest.mark.parametrize(("silent", "pieces"), [(1, 1), (2, 1), (3, 2)])
@@ -279,9 +280,8 @@ def test_errors_of_walls_follow_their_covariance():
         wall = environment.reflectors.isel(reflector=0)
         error = np.array([angle_difference(wall["normal"], WALLS[0, 0]), wall["offset"] - WALLS[0, 1]])
         chi2.append(error @ np.linalg.solve(wall["covariance"].values, error))
-    # the mean of 40 chi-squared values of 2 degrees of freedom is 2 +- 0.32; covariances are scaled up where
-    # the fit is strained by chance, which takes up to a quarter off it
-    assert 1.0 < np.mean(chi2) < 2 + 4 * 0.32
+    # the mean of 40 chi-squared values of 2 degrees of freedom is 2 +- 0.32
+    assert abs(np.mean(chi2) - 2) < 3 * 0.32
 
 
 def test_parallel_walls_three_metres_apart_stay_two():

@@ -10,6 +10,7 @@ from erm.geometry import FloatArray
 from erm.walls.extent import SOLID, Footprint, Legs, Stretch, expected_points, footprint, legs_of, stretches
 from erm.walls.wall import Wall
 
+WITNESSES = 32  # links asked about a gap
 SOLID_GAP = 5.0  # m; between reflection points closer than this a wall is taken to stand
 
 
@@ -64,15 +65,24 @@ def span(print_: Footprint, beyond: float = 0.0) -> FloatArray:
 
 def _silent(wall: Wall, number: int, prints: Sequence[Footprint], tree: shapely.STRtree, links: Links) -> FloatArray:
     """Where along a wall antenna pairs that saw no reflection, with no wall known between, should have [m]."""
+    along = np.sort(wall.line.along(wall.points))
+    if (
+        np.diff(along).max(initial=0.0) <= SOLID
+    ):  # between near reflection points the wall stands, whoever did not see it
+        return np.empty(0)
     front, points = expected_points(wall.line, links.tx, links.rx)
-    along, place = np.sort(wall.line.along(wall.points)), wall.line.along(points)
+    place = wall.line.along(points)
     after = np.searchsorted(along, place)
-    inside = (after > 0) & (after < len(along))
-    # between near reflection points the wall stands, whoever did not see it
-    inside[inside] = np.diff(along)[after[inside] - 1] > SOLID
-    front, points = front[inside], points[inside]
-    silent = ~np.isin(front, wall.paths.link)
-    front, points = front[silent], points[silent]
+    length = np.linalg.norm(links.tx[front] - points, axis=-1) + np.linalg.norm(links.rx[front] - points, axis=-1)
+    # what is weaker than all that was seen may be in the noise
+    asked = (after > 0) & (after < len(along)) & (length <= wall.paths.length.max())
+    asked[asked] = np.diff(along)[after[asked] - 1] > SOLID
+    asked &= ~np.isin(front, wall.paths.link)
+    rows = np.flatnonzero(asked)
+    rows = rows[np.lexsort((length[rows], after[rows]))]
+    rank = np.arange(len(rows)) - np.searchsorted(after[rows], after[rows])
+    rows = rows[rank < WITNESSES]
+    front, points = front[rows], points[rows]
     if not len(front):
         return np.empty(0)
     legs = Legs(np.vstack([links.tx[front], links.rx[front]]), np.vstack([points, points]))

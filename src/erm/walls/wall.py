@@ -15,7 +15,6 @@ import numpy.typing as npt
 from erm.geometry import (
     FloatArray,
     angle_difference,
-    azimuth_of,
     face_line,
     line_covariance,
     mirrored,
@@ -194,14 +193,13 @@ def fit_line(paths: Paths, start: Line) -> Line:
     scale = np.stack([1 / paths.length_std, 1 / paths.azimuth_std], axis=-1)
     for _ in range(30):
         residual, jacobian = residuals(paths, line)
-        white = residual * scale
+        white = (residual * scale).ravel()
         weight = np.minimum(1.0, HUBER / np.maximum(np.abs(white), HUBER))
-        design = jacobian * scale[..., None]
-        information = np.einsum("nip,ni,niq->pq", design, weight, design)
-        # degrees and metres may differ by orders of magnitude; equilibrated the 2 by 2 inverse loses nothing
-        size = np.sqrt(np.diag(information))
-        covariance = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
-        step = covariance @ np.einsum("nip,ni,ni->p", design, weight, white)
+        design = (jacobian * scale[..., None]).reshape(-1, 2)
+        weighted = design * weight[:, None]
+        (a, b), (_, d) = weighted.T @ design
+        covariance = np.array([[d, -b], [-b, a]]) / (a * d - b * b)
+        step = covariance @ (weighted.T @ white)
         line = Line(float(line.normal + step[0]) % 360, float(line.offset + step[1]), covariance, line.pivot)
         if np.abs(step).max() < 1e-11:
             break
@@ -213,21 +211,25 @@ def residuals(paths: Paths, line: Line) -> tuple[FloatArray, FloatArray]:
 
     The image ``VA = tx + 2 (o - n.tx) n`` moves by ``2 (o - n.tx) m - 2 (m.tx) n`` a radian, ``2 n`` a metre.
     """
-    n, m = unit(line.normal), unit(line.normal + 90)
+    nx, ny = unit(line.normal).tolist()  # m is (-ny, nx)
     tx, rx = paths.tx[:, :2] - line.pivot, paths.rx[:, :2] - line.pivot
-    depth = line.offset - tx @ n
-    seen = tx + 2 * depth[:, None] * n - rx
-    level = np.hypot(seen[:, 0], seen[:, 1])
+    depth = line.offset - tx[:, 0] * nx - tx[:, 1] * ny
+    aside = tx[:, 1] * nx - tx[:, 0] * ny
+    east = tx[:, 0] - rx[:, 0] + 2 * depth * nx
+    north = tx[:, 1] - rx[:, 1] + 2 * depth * ny
+    level = np.hypot(east, north)
     slant = np.hypot(level, paths.tx[:, 2] - paths.rx[:, 2])
-    toward = seen / level[:, None]
-    left = np.stack([-toward[:, 1], toward[:, 0]], axis=-1)
-    residual = np.stack([paths.length - slant, angle_difference(paths.azimuth, azimuth_of(seen))], axis=-1)
-    by_normal = np.deg2rad(2 * (depth[:, None] * m - (tx @ m)[:, None] * n))
+    cosine, sine = east / level, north / level
+    residual = np.empty((len(paths), 2))
+    residual[:, 0] = paths.length - slant
+    residual[:, 1] = angle_difference(paths.azimuth, np.rad2deg(np.arctan2(north, east)))
+    toward_n, toward_m = cosine * nx + sine * ny, sine * nx - cosine * ny
+    # the left of the line of sight is (-sine, cosine): along n and m it is -toward_m and toward_n
     jacobian = np.empty((len(paths), 2, 2))
-    jacobian[:, 0, 0] = np.sum(toward * by_normal, axis=-1) * level / slant
-    jacobian[:, 1, 0] = np.rad2deg(np.sum(left * by_normal, axis=-1) / level)
-    jacobian[:, 0, 1] = 2 * (toward @ n) * level / slant
-    jacobian[:, 1, 1] = np.rad2deg(2 * (left @ n) / level)
+    jacobian[:, 0, 0] = np.deg2rad(2) * (depth * toward_m - aside * toward_n) * level / slant
+    jacobian[:, 1, 0] = 2 * (depth * toward_n + aside * toward_m) / level
+    jacobian[:, 0, 1] = 2 * toward_n * level / slant
+    jacobian[:, 1, 1] = np.rad2deg(-2 * toward_m / level)
     return residual, jacobian
 
 
