@@ -173,6 +173,9 @@ def process(
     ] = None,
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
+    from sounder.startup import spare_imports
+
+    spare_imports()
     from sounder.intake import gather
     from sounder.pipeline import process
     from sounder.position import Options

@@ -28,12 +28,15 @@ import llvmlite
 import llvmlite.binding as llvm
 import numba
 
+from sounder.kernels.whole import EntryCompiler, PartCompiler
+
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
-# Strict arithmetic, not even a*b + c in one instruction: a part is compiled by itself and again within its entry
-# point, and a process that compiles may run the one copy where a process that loads the cache runs the other. Only
-# what every compilation must round alike gives the same bits in both.
+# Strict arithmetic, not even a*b + c in one instruction: parts are compiled within each entry point they are in, and
+# only what every compilation must round alike gives the same bits in all.
 SETTINGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+ENTRY = SETTINGS | {"pipeline_class": EntryCompiler}
+PART = SETTINGS | {"pipeline_class": PartCompiler, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 _setting = threading.Lock()
 
@@ -45,19 +48,19 @@ def jit(function: Kernel) -> Kernel:
     """
     directory = cache_directory()
     if directory is None:
-        return numba.njit(**SETTINGS)(function)
+        return numba.njit(**ENTRY)(function)
     with _setting:
         chosen = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(directory)
         try:
-            return numba.njit(cache=True, no_cfunc_wrapper=True, **SETTINGS)(function)
+            return numba.njit(cache=True, no_cfunc_wrapper=True, **ENTRY)(function)
         finally:
             numba.config.CACHE_DIR = chosen
 
 
 def part(function: Kernel) -> Kernel:
     """Compile a function that only entry points call; its code is kept within theirs."""
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **SETTINGS)(function)
+    return numba.njit(**PART)(function)
 
 
 @cache

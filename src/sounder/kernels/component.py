@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.beam_fit import RESULTS
+from sounder.kernels.bundle import bundle
 from sounder.kernels.view import OVER, View
 
 Real = npt.NDArray[np.float64]
@@ -29,6 +30,7 @@ NEAR = 9
 """Beams of a fit: the one it was found in and those around it."""
 
 
+@bundle
 class Work(NamedTuple):
     """Scratch of a fit: taps of the pulse and of the matched filter, beams, their weights, angles, bounds."""
 

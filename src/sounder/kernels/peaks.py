@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from sounder.kernels.bundle import bundle
 from sounder.kernels.compile import part
 from sounder.kernels.component import AMPLITUDE, AZIMUTH, DELAY, ELEVATION, Beams, Real, Work
 from sounder.kernels.pulse import nearest, sample
@@ -22,6 +23,7 @@ Level = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int64]
 
 
+@bundle
 class Limits(NamedTuple):
     """When a peak is a path.
 
@@ -48,6 +50,7 @@ class Limits(NamedTuple):
     margin: float
 
 
+@bundle
 class Search(NamedTuple):
     """State of the search.
 

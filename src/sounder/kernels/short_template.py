@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels import finish, simd_fft
+from sounder.kernels.bundle import bundle
 from sounder.kernels.compile import jit, part
 from sounder.kernels.tables import zeros
 
@@ -24,6 +25,7 @@ LONGEST = LENGTH // 2
 Array = Any
 
 
+@bundle
 class Filter(NamedTuple):
     """Constants of one template."""
 
@@ -33,6 +35,7 @@ class Filter(NamedTuple):
     response: Array  # float32 (h, l) rows, in the order of the spectrum
 
 
+@bundle
 class Work(NamedTuple):
     """Work space and running sums of one thread."""
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from sounder.kernels.bundle import bundle
 from sounder.kernels.compile import part
 
 Real = npt.NDArray[np.float64]
@@ -21,8 +22,9 @@ N_AZIMUTHS, N_ELEVATIONS, AROUND, OVER = range(4)
 RADIANS = math.pi / 180.0
 
 
+@bundle
 class View(NamedTuple):
-    """What the beams see a path with; few arrays, since each costs compilation time in every function.
+    """What the beams see a path with.
 
     Attributes
     ----------

@@ -149,3 +149,21 @@ def test_a_run_has_no_kernel_compiled_twice(campaign, tmp_path):
     command = [sys.executable, "-W", "error", "-c", SIGNATURES, *map(str, arguments), "--out", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+IMPORTS = """
+import sys
+from sounder.cli import main
+try:
+    main()
+finally:
+    assert "numba" in sys.modules and "xarray" in sys.modules
+    assert not {"dask", "distributed", "matplotlib", "scipy.linalg"} & set(sys.modules)
+"""
+
+
+def test_nothing_is_imported_that_no_product_needs(campaign, tmp_path):
+    arguments = ("process", campaign / "raw" / "RX1.h5", "--calibration", campaign / "back-to-back.h5")
+    command = [sys.executable, "-W", "error", "-c", IMPORTS, *map(str, arguments), "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,90 @@
+"""Compilation of an entry point and its parts in one go.
+
+Numba optimises every function and makes machine code of it, and both again of the copy within each function that
+calls it: some of the parts here, seven times. Parts are not called from elsewhere, so one time will do: their code is
+kept as it is first written until the entry point they are in is optimised. The passes over numba's own representation
+that look for what kernels do not use, closures and array expressions among them, are left out.
+"""
+
+from typing import Any
+
+from numba import _dynfunc
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.typed_passes import NativeLowering
+
+NEEDLESS = {
+    "with_lifting",
+    "inline_closure_likes",
+    "rewrite_semantic_constants",
+    "dead_branch_prune",
+    "Rewrite dynamic raises",
+    "make_function_op_code_to_jit_function",
+    "inline_inlinables",
+    "find_literally",
+    "literal_unroll",
+    "LiteralPropagation",
+    "inline_overloads",
+    "nopython_rewrites",
+    "nopython_supported_feature_validation",
+    "dump_parfor_diagnostics",
+}
+
+
+class EntryCompiler(CompilerBase):
+    """Compiler of functions that Python calls."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """Take numba's passes but the needless."""
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.passes = [self.chosen(each) for each in passes.passes if each[0].name() not in NEEDLESS]
+        passes.finalize()
+        return [passes]
+
+    def chosen(self, each: tuple[type, str]) -> tuple[type, str]:
+        """Choose what does a pass's work."""
+        return each
+
+
+class PartCompiler(EntryCompiler):
+    """Compiler of functions that only compiled functions call."""
+
+    def chosen(self, each: tuple[type, str]) -> tuple[type, str]:
+        """Have no machine code made."""
+        return (PartLowering, each[1]) if each[0] is NativeLowering else each
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class PartLowering(NativeLowering):
+    """Write a part's code for those that call it."""
+
+    _name = "part_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Register the part with an address of zero."""
+        state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        lowered = state["cr"]
+        described = lowered.fndesc
+        function = _dynfunc.make_function(
+            described.lookup_module(), described.qualname, "", 0, lowered.env, (state.library,)
+        )
+        state.targetctx.insert_user_function(function, described, [state.library])
+        state["cr"] = lowered._replace(cfunc=function)
+        return True
+
+
+class PartLibrary(JITCodeLibrary):
+    """Code of a part and of those that it calls, neither optimised nor made machine code of."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
