@@ -22,7 +22,7 @@ MEASURES: dict[str, tuple[str, dict[str, str]]] = {
         {"completeness": "MPCs as they are", "of_honest": "with errors that are known", "of_exact": "without errors"},
     ),
     "RP error (m)": ("log", {"point_error": "MPCs on the map", "shared_error": "paths that every value found"}),
-    "Wall error (m)": ("log", {"wall_error": "MPCs on the map"}),
+    "Wall error (m)": ("log", {"wall_error": "MPCs as they are", "wall_honest": "with errors that are known"}),
 }
 """Rows of a figure of sweeps: label, scale, and the curves by field of `erm.letter.sweeps.Outcome`."""
 STYLES: tuple[dict[str, Any], ...] = (

@@ -1,7 +1,7 @@
 """What one setting of an instrument gave, and what with one thing taken away (`erm.letter.ablation`)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,8 +55,8 @@ class Outcome:
         RMSE in plan of the reflection points of single MPCs, to the true ones [m]; of those that make the map.
     shared_error : float
         The same of the single bounces that were measured with every value of the knob [m].
-    wall_error : float
-        RMSE of merged reflection points across their face [m].
+    wall_error, wall_honest : float
+        RMSE of merged reflection points across their face [m]; and on the map of standard deviations that hold.
     """
 
     positions: int
@@ -74,6 +74,7 @@ class Outcome:
     point_error: float
     shared_error: float
     wall_error: float
+    wall_honest: float
 
 
 def true_points(campaign: Campaign) -> FloatArray:
@@ -96,7 +97,8 @@ def judged(studied: Study, reference: FloatArray) -> tuple[Outcome, Located]:
     taken = parts(studied.mpcs, studied.campaign)
     kept = studied.table.isel(mpc=np.flatnonzero(studied.on_walls & (studied.face >= 0)))
     there = rays.vertex[behind(kept, studied.campaign, rays), :2]
-    across = perpendicular_errors(studied, studied.on_walls & (studied.face >= 0))[MERGED]
+    environment, table = reconstruct(select(taken.honest))
+    honest = replace(studied, environment=environment, table=table)
     outcome = Outcome(
         positions=len(studied.campaign.links),
         snr=studied.snr,
@@ -106,15 +108,21 @@ def judged(studied: Study, reference: FloatArray) -> tuple[Outcome, Located]:
         measured=taken.measured,
         completeness=completeness(studied.environment, reference),
         of_known=completeness(mapped(taken.known), reference),
-        of_honest=completeness(mapped(taken.honest), reference),
+        of_honest=completeness(environment, reference),
         of_exact=completeness(mapped(taken.exact), reference),
         excess=max(taken.excess.values()),
         false=int(evaluate_walls(studied.environment, outline_of(studied.campaign.environment))["false"]),
         point_error=summary(np.linalg.norm(kept["reflection_point"].values[:, :2] - there, axis=1))["rmse"],
         shared_error=float("nan"),
-        wall_error=summary(across)["rmse"],
+        wall_error=_across(studied),
+        wall_honest=_across(honest),
     )
     return outcome, _located(taken, studied.campaign, rays)
+
+
+def _across(studied: Study) -> float:
+    """RMSE of merged points of true single bounces across their face [m]."""
+    return summary(perpendicular_errors(studied, studied.on_walls & (studied.face >= 0))[MERGED])["rmse"]
 
 
 def mapped(table: "xr.Dataset") -> Environment:

@@ -86,15 +86,26 @@ def _why(page: Page, sweeps: Sequence[Sweep]) -> None:
         "that no path explains (remainders of stronger ones, and paths that were not told apart); with standard "
         "deviations widened by the RMS error that the single bounces truly have; and as single bounces alone at their "
         "true delays and azimuths. The last column tells how many times the RMS error of the single bounces exceeds "
-        "the standard deviation that their table gives them, in delay or azimuth, whichever is worse.",
+        "the standard deviation that their table gives them, in delay or azimuth, whichever is worse. RP errors do not "
+        "hang on the search: where those of the paths that every value found rise too, the MPCs themselves are worse. "
+        "A beam narrower than the step of the scan leaves gaps; *HPBW = step* turns both.",
     )
     page.table(
-        ["setting", "value", "completeness", *LADDER.values(), "error over its standard deviation"],
+        [
+            "setting",
+            "value",
+            "completeness",
+            *LADDER.values(),
+            "wall error [m]",
+            LADDER["of_honest"],
+            "error over its standard deviation",
+        ],
         [
             [
                 one.knob.name,
                 f"{value:g} {one.knob.unit}",
                 *(with_error([getattr(o, f) for o in row], percent=True) for f in ("completeness", *LADDER)),
+                *(with_error([getattr(o, f) for o in row]) for f in ("wall_error", "wall_honest")),
                 f"{mean([o.excess for o in row]):.1f}",
             ]
             for one in sweeps

@@ -50,6 +50,7 @@ KNOBS = (
     Knob("RX spacing", "m", (20.0, 10.0, 5.0, 2.5), SPACING, None),
     Knob("azimuth step", "°", (20.0, 10.0, 5.0, 2.5), 10.0, lambda value: Change(azimuth_step=value)),
     Knob("HPBW", "°", (40.0, 20.0, 10.0, 5.0), 10.0, lambda value: Change(beamwidth=value)),
+    Knob("HPBW = step", "°", (10.0, 5.0), 10.0, lambda value: Change(beamwidth=value, azimuth_step=value)),
     Knob("bandwidth", "GHz", (0.3, 0.6, 1.2, 2.4, 4.8), 1.2, lambda value: Change(bandwidth=1e9 * value)),
     Knob("SNR change", "dB", (-30.0, -20.0, -10.0, 0.0, 10.0), 0.0, lambda value: Change(power=value)),
 )

@@ -12,7 +12,7 @@ from erm.letter.sweeps import _with_shared as with_shared
 
 PLAIN = Outcome(
     positions=5, snr=30.0, mpcs=50, stray=3, there=20, measured=18, completeness=0.6, of_known=0.6, of_honest=0.6,
-    of_exact=0.6, excess=1.0, false=0, point_error=0.1, shared_error=0.1, wall_error=0.01,
+    of_exact=0.6, excess=1.0, false=0, point_error=0.1, shared_error=0.1, wall_error=0.01, wall_honest=0.01,
 )  # fmt: skip
 KNOB = Knob("gain", "dB", (1.0, 2.0, 3.0), 1.0, None)
 
