@@ -132,7 +132,7 @@ def _told(step: Setback) -> str:
     values = ", ".join(
         f"{100 * step.lost[f][0]:+.0f} ± {100 * step.lost[f][1]:.0f} {words}" for f, words in LADDER.items()
     )
-    end = f"It is gone {' and '.join(gone)}." if gone else "None of these brings it back: less was measured."
+    end = f"It is gone {_listed(gone)}." if gone else "None of these brings it back: less was measured."
     return (
         f"{step.knob.name} from {step.former:g} to {step.later:g} {step.knob.unit}: {100 * lost[0]:+.0f} ± "
         f"{100 * lost[1]:.0f} percentage points; {values}. {end}"
@@ -151,8 +151,12 @@ def _pays(sweeps: Sequence[Sweep], field: str, name: str) -> str:
     rivals = [
         one.knob.name for one in others if not is_clear((first.mean - one.mean, (first.error**2 + one.error**2) ** 0.5))
     ]
-    tie = f", which its error does not tell from {' and '.join(rivals)}" if rivals else ""
+    tie = f", which its error does not tell from {_listed(rivals)}" if rivals else ""
     return f"{name}: **{first.knob.name}** of {first.value:g} {first.knob.unit}, {_brought(first, field)}{tie}."
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _brought(gain: Gain, field: str) -> str:
