@@ -1,6 +1,7 @@
 """The page of the study: deterministic, and there whole or not at all. Captures are left out for speed."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,11 @@ import pytest
 import xarray as xr
 
 from erm.errors import DataError
+from erm.letter import corridor, published, routes
 from erm.letter.captures import AS_IT_IS, Campaign, Change, Measured
+from erm.letter.methods import SINGLE
 from erm.letter.published import TABLE_2
+from erm.letter.scatter import printed_signs, scatter
 from erm.letter.study import PAGE, run
 from erm.letter.sweeps import Knob
 from erm.letter.truth import as_table, rays_of
@@ -100,3 +104,33 @@ def test_a_study_that_fails_leaves_no_page_not_even_that_of_an_earlier_run(tmp_p
     with pytest.raises(DataError, match="burnt out"):
         run(tmp_path, Ideal(breaks_after=1), knobs=QUICK)
     assert not (tmp_path / PAGE).exists()
+
+
+def test_the_corridor_is_as_wide_as_printed_and_seen_from_inside_alone():
+    campaign = captures.campaign("uma")
+    # the ordinates are printed to the centimetre, 65.30 - 50.38
+    assert corridor.width_of(campaign.environment) == pytest.approx(14.92, abs=1e-9)
+    assert corridor.seen_by(campaign)["teaching building"] == 0
+    route = [replace(link, tx=corridor.INSIDE) for link in campaign.links if link.name in TABLE_2[corridor.ROUTE]]
+    assert set(corridor.seen_by(campaign.at(route)).values()) == {7}
+
+
+def test_signs_of_the_printed_errors_keep_their_sizes():
+    for route, values in published.errors().items():
+        np.testing.assert_allclose(np.abs(printed_signs()[route]), values)
+
+
+def test_an_error_of_the_length_makes_the_rmse_it_is_fitted_to():
+    studied = routes.study(Ideal().campaign("uma"), Ideal())
+    for one in scatter(studied):
+        assert np.hypot(one.mean, one.std) == pytest.approx(one.rmse, rel=1e-6)
+        assert one.planar > 0.5  # 27 m of height in 60 to 110 m of length: points behind the face by metres
+
+
+def test_without_the_letters_limits_the_errors_are_those_of_the_components():
+    studied = routes.study(Ideal().campaign("uma"), Ideal())
+    off, *_, on = routes.limits(studied)
+    assert (off.planar, off.azimuths, off.delays, on.planar, on.azimuths, on.delays) == (False,) * 3 + (True,) * 3
+    for route, errors in routes.errors_by_route(studied).items():
+        np.testing.assert_allclose(off.error[route], errors[SINGLE], atol=1e-9)
+        assert on.error[route].mean() > 10 * off.error[route].mean()

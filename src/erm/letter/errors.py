@@ -120,7 +120,7 @@ def _scatter(page: Page, studied: routes.Study) -> None:
         "The planar reading moves all points of a face the same way, behind it. The mean with its sign tells how far "
         "that can be what made the printed errors. What it cannot is made here by path lengths that are off by a "
         "normal error, heights taken into account: its standard deviation is chosen such that the RMSE comes out, and "
-        "mean and standard deviation of the error follow. A printed mean above that, with a smaller standard deviation, "
+        "mean and standard deviation of the error follow. A larger printed mean with a smaller standard deviation "
         "is a bias that the points share. (The letter's own explanation is an uneven face.)"
     )
     page.table(

@@ -51,8 +51,9 @@ def ray_tracing(
         "How many MPCs make the map, and what keeps the others from it: the same MPCs searched again with one thing "
         "taken away. Without those that no path explains; with standard deviations widened by the RMS error that the "
         "single bounces truly have; as single bounces alone at their true delays and azimuths. The last two columns "
-        "tell how many times that RMS error exceeds the standard deviation in the table: where it is many times, as "
-        "it can be where there is no noise to account for it, walls are lost that come back as soon as it is known."
+        "tell how many times that RMS error exceeds the standard deviation in the table. Where it is many times, paths "
+        "of one wall do not agree within what the table says of them, and the column of standard deviations that hold "
+        "tells what that costs."
     )
     page.table(
         [
