@@ -79,8 +79,6 @@ class Sensed:
         Reconstructed.
     table : xarray.Dataset
         From `erm.reconstruct`, the components whose errors the rows hold.
-    true_points : array (mpc, 2)
-        Of these [m].
     mpcs, accepted, false : int
         Components that were measured; such as make the map; of these, such as are no single bounces off a wall.
     there, measured : int
@@ -96,7 +94,6 @@ class Sensed:
     rows: tuple[Row, ...]
     environment: "Environment"
     table: "xr.Dataset"
-    true_points: FloatArray
     mpcs: int
     accepted: int
     false: int
@@ -185,7 +182,6 @@ def sense(
         rows=rows,
         environment=environment,
         table=kept,
-        true_points=truth,
         mpcs=measured.mpcs.sizes["mpc"],
         accepted=accepted.sizes["mpc"],
         false=int(np.count_nonzero(~single)),

@@ -8,6 +8,7 @@ from erm.figures import plot_error_cdf, plot_sensed_points
 from erm.letter import published, room
 from erm.letter.captures import Campaign
 from erm.letter.methods import COLOURS
+from erm.letter.outcome import true_points
 from erm.letter.page import Page
 from erm.outline import outline_of
 
@@ -93,12 +94,12 @@ def figures(page: Page, campaign: Campaign, sensed: Mapping[str, room.Sensed]) -
     rx = np.array([link.rx[:2] for link in campaign.links])
     tx = np.unique([link.tx[:2] for link in campaign.links], axis=0)
     merged = shown.table["wall_point"].values[:, :2]
-    count = len(merged)
+    there, count = true_points(campaign), len(merged)
     page.figure(
         "room",
-        plot_sensed_points(outline_of(campaign.environment), shown.true_points, merged, tx=tx, rx=rx),
-        f"The L-shaped room in plan: {count} reflection points of the rays (simulated) and of the merged walls "
-        f"(sensed), from captures {kind} at {len(rx)} positions of the RX.",
+        plot_sensed_points(outline_of(campaign.environment), there, merged, tx=tx, rx=rx),
+        f"The L-shaped room in plan: {len(there)} reflection points of the rays (simulated), and {count} of the merged "
+        f"walls (sensed) from captures {kind} at {len(rx)} positions of the RX.",
     )
     page.figure(
         "room_cdf",
