@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DELAY_GATE = 1e-9  # s; 0.3 m, about the resolution cell of 1.2 GHz
 AZIMUTH_GATE = 5.0  # degree; half a beam
-DIRECT, GROUND, UNEXPLAINED = "direct", "ground", ""
+DIRECT, GROUND, CEILING, UNEXPLAINED = "direct", "ground", "ceiling", ""
 
 
 class Sector(NamedTuple):
@@ -38,9 +38,31 @@ class Sector(NamedTuple):
 
 
 def names_of(environment: Environment) -> list[str]:
-    """Short names of a map's reflectors: W1, W2 ... for walls, P1 ... for poles, in their order."""
-    kind = environment.reflectors["kind"].values
-    return [f"{'W' if one == 'wall' else 'P'}{np.count_nonzero(kind[: i + 1] == one)}" for i, one in enumerate(kind)]
+    """Short names of a map's reflectors: W for walls, P for poles, and the row of the map's table, from 0.
+
+    The number is the one that ``erm reconstruct`` prints and that ``wall`` holds in an MPC table.
+    """
+    return [f"{'W' if kind == 'wall' else 'P'}{row}" for row, kind in enumerate(environment.reflectors["kind"].values)]
+
+
+def bounces_of(label: str) -> int:
+    """Number of walls and poles that a label of `explain` names; bounces off ground and ceiling do not count."""
+    return len(_met(label))
+
+
+def origin_of(label: str) -> str:
+    """The reflector that the receiver sees: the last of a label of `explain`; ``direct`` where there was none.
+
+    What met only the ground arrives from where the direct path does. What is not explained has no origin.
+    """
+    if label == UNEXPLAINED:
+        return UNEXPLAINED
+    met = _met(label)
+    return met[-1] if met else DIRECT
+
+
+def _met(label: str) -> list[str]:
+    return [name for name in label.split("+") if name not in (UNEXPLAINED, DIRECT, GROUND, CEILING)]
 
 
 def explain(table: "xr.Dataset", environment: Environment, *, max_order: int = 2) -> npt.NDArray[np.str_]:
@@ -63,7 +85,7 @@ def explain(table: "xr.Dataset", environment: Environment, *, max_order: int = 2
     array (mpc,) of str
         ``direct``, ``ground``, ``W3``, ``W3+W5``; empty where the map explains nothing.
     """
-    names = np.array([*names_of(environment), "ceiling", GROUND])  # -2 and -1 of `trace`
+    names = np.array([*names_of(environment), CEILING, GROUND])  # -2 and -1 of `trace`
     labels = np.full(table.sizes["mpc"], UNEXPLAINED, dtype=object)
     ends = np.hstack([table["tx_position"].values, table["rx_position"].values])
     for link in np.unique(ends, axis=0):
@@ -84,7 +106,7 @@ def explain(table: "xr.Dataset", environment: Environment, *, max_order: int = 2
 
 
 def sectors(
-    azimuth: FloatArray, labels: Sequence[str] | npt.NDArray[np.str_], *, margin: float = 5.0, gap: float = 60.0
+    azimuth: FloatArray, labels: Sequence[str] | npt.NDArray[np.str_], *, margin: float = 5.0, gap: float = 30.0
 ) -> list[Sector]:
     """Ranges of azimuth of the components of one label each.
 
@@ -93,7 +115,7 @@ def sectors(
     azimuth : array (mpc,)
         [degree].
     labels : sequence of str
-        From `explain`; unexplained ones are left out.
+        From `origin_of`, or `explain` itself; unexplained ones are left out.
     margin : float
         Added on either side, half a beam [degree].
     gap : float

@@ -72,8 +72,7 @@ def measure(campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable
         snr.append(found["path_gain"].values + scene.sounder.rx_antenna.gain - floor)
         if progress is not None:
             progress()
-    over_noise = np.concatenate(snr)
-    return Measured(xr.concat(mpcs, dim="mpc"), daps, float(np.median(over_noise)) if over_noise.size else np.nan)
+    return Measured(xr.concat(mpcs, dim="mpc"), np.concatenate(snr), daps)
 
 
 def draw_daps(products: Sequence[tuple[str, xr.Dataset]], axes: PolarAxes) -> PolarAxes:

@@ -1,4 +1,4 @@
-"""Figures of products: DAPS in polar and cartesian form, PDP, and the MPCs over the DAPS.
+"""Figures of products: DAPS in polar and cartesian form, PDP, and the MPCs over the DAPS; and those of a score.
 
 Every function draws into the axes it is given and returns them; saving is the caller's business.
 """
@@ -16,6 +16,10 @@ from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
+
+from sounder.score_figures import detection, errors, normalised
+
+__all__ = ["daps_cartesian", "daps_polar", "detection", "errors", "normalised", "pdp"]
 
 POWER = "viridis"
 """Colour map of power; perceptually even and safe for colour-blind readers."""

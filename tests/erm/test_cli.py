@@ -5,7 +5,7 @@ import json
 import subprocess
 import sys
 import time
-from importlib.metadata import version
+from importlib.metadata import EntryPoint, version
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +134,16 @@ def test_the_letter_asks_for_an_instrument_where_none_is_installed(tmp_path: Pat
     assert error.startswith("entry point erm.captures: ")
     assert "pip install sounder-to-map" in error
     assert error.count("\n") == 1
+    assert not (tmp_path / "letter").exists()
+
+
+def test_an_instrument_that_cannot_be_imported_is_named_in_one_line(tmp_path: Path, capsys, monkeypatch):
+    twin = EntryPoint("twin", "no_such_instrument.captures", "erm.captures")
+    monkeypatch.setattr("erm.letter.captures.entry_points", lambda group: (twin,))
+    assert run("letter", "--out", tmp_path / "letter") == 1
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "no_such_instrument.captures makes the captures" in told
     assert not (tmp_path / "letter").exists()
 
 

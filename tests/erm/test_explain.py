@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from erm.environment import Environment
-from erm.explain import explain, names_of, sectors
+from erm.explain import bounces_of, explain, names_of, origin_of, sectors
 from erm.mpc_table import make_table
 from erm.trace import trace
 
@@ -27,10 +27,10 @@ def received(place: Environment, late: float = 0.0) -> tuple:
 def test_every_path_is_told_by_the_reflectors_it_met(corridor):
     table, paths = received(corridor, late=0.1e-9)
     names = names_of(corridor)
-    assert names == ["W1", "W2", "P1"]
+    assert names == ["W0", "W1", "P2"]  # rows of the table
     met = ["+".join(names[i] for i in row if i >= 0) or "direct" for row in paths["reflector"].values]
     assert explain(table, corridor).tolist() == met
-    assert {"direct", "W1", "W2", "P1", "W1+W2", "W2+W1"} <= set(met)
+    assert {"direct", "W0", "W1", "P2", "W0+W1", "W1+W0"} <= set(met)
 
 
 def test_a_component_no_path_is_near_to_is_not_explained(corridor):
@@ -46,3 +46,9 @@ def test_a_sector_holds_its_components_and_goes_round_through_north_and_east():
         ("W1", 345.0, 385.0, 3),
         ("W1", 165.0, 175.0, 1),
     ]
+
+
+def test_a_component_comes_off_the_last_reflector_it_met():
+    labels = ["direct", "ground", "W3", "W3+W5", "W5+ground", "ground+ceiling", ""]
+    assert [origin_of(label) for label in labels] == ["direct", "direct", "W3", "W5", "W5", "direct", ""]
+    assert [bounces_of(label) for label in labels] == [0, 0, 1, 2, 1, 0, 0]

@@ -10,6 +10,7 @@ import pytest
 from erm.errors import DataError
 from erm.letter import room, routes
 from erm.letter.captures import Change
+from erm.letter.methods import MERGED
 from erm.letter.published import TABLE_2
 from sounder import captures
 
@@ -64,7 +65,7 @@ def test_merged_walls_keep_the_bars_on_a_part_of_each_route(uma):
     kept = [name for positions in TABLE_2.values() for name in list(positions)[:5]]
     studied = routes.study(uma.at([link for link in uma.links if link.name in kept]), captures)
     errors = routes.errors_by_route(studied)
-    found = {route: bar for route, bar in routes.bars(errors).items() if len(errors[route][routes.MERGED])}
+    found = {route: bar for route, bar in routes.bars(errors).items() if len(errors[route][MERGED])}
     assert set(found) == set(TABLE_2)
     for rmse, times in found.values():
         assert rmse <= 0.05

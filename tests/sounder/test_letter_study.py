@@ -1,6 +1,7 @@
 """The page of the study: deterministic, and there whole or not at all. Captures are left out for speed."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,17 +9,17 @@ import pytest
 import xarray as xr
 
 from erm.errors import DataError
+from erm.letter import corridor, published, routes
 from erm.letter.captures import AS_IT_IS, Campaign, Change, Measured
+from erm.letter.methods import SINGLE
 from erm.letter.published import TABLE_2
+from erm.letter.scatter import printed_signs, scatter
 from erm.letter.study import PAGE, run
 from erm.letter.sweeps import Knob
 from erm.letter.truth import as_table, rays_of
 from sounder import captures
 
-QUICK = (
-    Knob("RX spacing", "m", (20.0, 10.0), 10.0, None),
-    Knob("SNR change", "dB", (-10.0, 0.0), 0.0, lambda value: Change(power=value)),
-)
+QUICK = (Knob("RX spacing", "m", (20.0, 10.0), 10.0, None),)
 
 FEW = {name for names in TABLE_2.values() for name in list(names)[:5]} | {"RX9_L", "RX16_L"}
 
@@ -47,18 +48,27 @@ class Ideal:
         spread = {"delay": 5e-12, "azimuth": 0.02}
         errors = {name: table[name] + std * rng.standard_normal(size) for name, std in spread.items()}
         std = {f"{name}_std": ("mpc", np.full(size, value)) for name, value in spread.items()}
-        return Measured(table.assign(errors | std), {link.name: xr.Dataset() for link in campaign.links}, 30.0)
+        return Measured(
+            table.assign(errors | std), np.full(size, 30.0), {link.name: xr.Dataset() for link in campaign.links}
+        )
 
     def draw_daps(self, products, axes):
         axes.set_rlim(0, 100)
         return axes
 
 
-@pytest.fixture(scope="module")
-def page(tmp_path_factory) -> Iterator[Path]:
+@pytest.fixture(scope="module", autouse=True)
+def brief() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("erm.letter.sweeps.DENSEST", 10.0)  # m, of the positions that a route is predicted from
-        yield run(tmp_path_factory.mktemp("letter"), Ideal(), knobs=QUICK)
+        patch.setattr("erm.letter.sweeps.OFFSETS", (0.0, 6.0))
+        patch.setattr("erm.letter.prediction.COUNTS", (5,))
+        yield
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory) -> Path:
+    return run(tmp_path_factory.mktemp("letter"), Ideal(), knobs=QUICK)
 
 
 def test_the_page_shows_every_figure_that_is_written_as_pdf_and_png(page):
@@ -94,3 +104,33 @@ def test_a_study_that_fails_leaves_no_page_not_even_that_of_an_earlier_run(tmp_p
     with pytest.raises(DataError, match="burnt out"):
         run(tmp_path, Ideal(breaks_after=1), knobs=QUICK)
     assert not (tmp_path / PAGE).exists()
+
+
+def test_the_corridor_is_as_wide_as_printed_and_seen_from_inside_alone():
+    campaign = captures.campaign("uma")
+    # the ordinates are printed to the centimetre, 65.30 - 50.38
+    assert corridor.width_of(campaign.environment) == pytest.approx(14.92, abs=1e-9)
+    assert corridor.seen_by(campaign)["teaching building"] == 0
+    route = [replace(link, tx=corridor.INSIDE) for link in campaign.links if link.name in TABLE_2[corridor.ROUTE]]
+    assert set(corridor.seen_by(campaign.at(route)).values()) == {7}
+
+
+def test_signs_of_the_printed_errors_keep_their_sizes():
+    for route, values in published.errors().items():
+        np.testing.assert_allclose(np.abs(printed_signs()[route]), values)
+
+
+def test_an_error_of_the_length_makes_the_rmse_it_is_fitted_to():
+    studied = routes.study(Ideal().campaign("uma"), Ideal())
+    for one in scatter(studied):
+        assert np.hypot(one.mean, one.std) == pytest.approx(one.rmse, rel=1e-6)
+        assert one.planar > 0.5  # 27 m of height in 60 to 110 m of length: points behind the face by metres
+
+
+def test_without_the_letters_limits_the_errors_are_those_of_the_components():
+    studied = routes.study(Ideal().campaign("uma"), Ideal())
+    off, *_, on = routes.limits(studied)
+    assert (off.planar, off.azimuths, off.delays, on.planar, on.azimuths, on.delays) == (False,) * 3 + (True,) * 3
+    for route, errors in routes.errors_by_route(studied).items():
+        np.testing.assert_allclose(off.error[route], errors[SINGLE], atol=1e-9)
+        assert on.error[route].mean() > 10 * off.error[route].mean()

@@ -10,12 +10,13 @@ from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
+import xarray as xr
 
 from erm.environment import Environment
 from erm.errors import DataError
+from erm.geometry import FloatArray
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.projections.polar import PolarAxes
 
 GROUP = "erm.captures"
@@ -119,15 +120,20 @@ class Measured:
     ----------
     mpcs : xarray.Dataset
         MPC table (`erm.mpc_table`) of all positions.
+    snr : array (mpc,)
+        Power over noise in the strongest beam [dB].
     daps : mapping of str to xarray.Dataset
         By position: ``daps`` (azimuth, elevation, delay) [dB] and what else `Captures.draw_daps` needs.
-    snr : float
-        Median over the MPCs of power over noise in the strongest beam [dB].
     """
 
-    mpcs: "xr.Dataset"
-    daps: Mapping[str, "xr.Dataset"] = field(default_factory=dict)
-    snr: float = float("nan")
+    mpcs: xr.Dataset
+    snr: FloatArray
+    daps: Mapping[str, xr.Dataset] = field(default_factory=dict)
+
+    @property
+    def median_snr(self) -> float:
+        """Median over the MPCs [dB]; NaN of none."""
+        return float(np.median(self.snr)) if self.snr.size else float("nan")
 
 
 class Captures(Protocol):
@@ -141,8 +147,44 @@ class Captures(Protocol):
     ) -> Measured:
         """Make the raw captures of each position, and process them to MPCs; ``progress`` is called after each."""
 
-    def draw_daps(self, products: Sequence[tuple[str, "xr.Dataset"]], axes: "PolarAxes") -> "PolarAxes":
+    def draw_daps(self, products: Sequence[tuple[str, xr.Dataset]], axes: "PolarAxes") -> "PolarAxes":
         """Draw the DAPS of one or two positions: angle azimuth, radius delay, colour power."""
+
+
+class Remembered:
+    """Captures of which no link is measured twice with the same instrument; their DAPS are not kept.
+
+    Parameters
+    ----------
+    captures : Captures
+    """
+
+    def __init__(self, captures: Captures) -> None:
+        self._captures = captures
+        self._known: dict[tuple[Link, int, Change], tuple[xr.Dataset, FloatArray]] = {}
+
+    def campaign(self, scene: str) -> Campaign:
+        """A campaign that ships with the instrument."""
+        return self._captures.campaign(scene)
+
+    def measure(
+        self, campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable[[], None] | None = None
+    ) -> Measured:
+        """Measure what is not known yet; ``progress`` is called after each new position."""
+        keys = [(link, campaign.max_order, change) for link in campaign.links]
+        new = [key[0] for key in keys if key not in self._known]
+        if new:
+            measured = self._captures.measure(campaign.at(new), change, progress=progress)
+            position = measured.mpcs["position"].values
+            for link in new:
+                rows = np.flatnonzero(position == link.name)
+                self._known[link, campaign.max_order, change] = measured.mpcs.isel(mpc=rows), measured.snr[rows]
+        tables, snr = zip(*(self._known[key] for key in keys), strict=True)
+        return Measured(xr.concat(tables, dim="mpc"), np.concatenate(snr))
+
+    def draw_daps(self, products: Sequence[tuple[str, xr.Dataset]], axes: "PolarAxes") -> "PolarAxes":
+        """Draw the DAPS of one or two positions."""
+        return self._captures.draw_daps(products, axes)
 
 
 def installed() -> Captures:
@@ -151,10 +193,16 @@ def installed() -> Captures:
     Raises
     ------
     DataError
-        There is none.
+        There is none, or it cannot be imported.
     """
     for entry in entry_points(group=GROUP):
-        return cast(Captures, entry.load())
+        try:
+            return cast(Captures, entry.load())
+        except ImportError as error:
+            raise DataError(
+                f"entry point {GROUP}: {entry.value} makes the captures that the study needs, but cannot be imported "
+                f"({error}); reinstall the package it belongs to"
+            ) from error
     raise DataError(
         f"entry point {GROUP}: no installed package makes captures, which the study needs; "
         "pip install sounder-to-map, or reinstall it if this is a checkout"

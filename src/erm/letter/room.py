@@ -7,7 +7,7 @@ planar reading, which takes the slant length for the horizontal one; and rays of
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,9 @@ from erm.constants import c
 from erm.evaluate import summary
 from erm.fresnel import fresnel, roughness_factor
 from erm.geometry import FloatArray, reflection_point
+from erm.letter.ablation import parts
 from erm.letter.captures import Campaign, Captures, Change
+from erm.letter.methods import MERGED, PLANAR, SINGLE
 from erm.letter.truth import NO_PATH, as_table, behind, is_single_wall_bounce, rays_of
 from erm.mpc_table import path_length
 from erm.reconstruct import reconstruct
@@ -77,10 +79,14 @@ class Sensed:
         Reconstructed.
     table : xarray.Dataset
         From `erm.reconstruct`, the components whose errors the rows hold.
-    true_points : array (mpc, 2)
-        Of these [m].
-    accepted, false : int
-        Components that make the map; of these, such as are no single bounces off a wall.
+    mpcs, accepted, false : int
+        Components that were measured; such as make the map; of these, such as are no single bounces off a wall.
+    there, measured : int
+        Single bounces off walls, and of these such as were measured.
+    of_known, of_honest, of_exact : int
+        Components that make the map with one thing taken away (`erm.letter.ablation`).
+    excess : dict of str to float
+        RMS errors over the standard deviations that the table gives, as in `erm.letter.ablation.Parts`.
     snr : float
         Median [dB].
     """
@@ -88,9 +94,15 @@ class Sensed:
     rows: tuple[Row, ...]
     environment: "Environment"
     table: "xr.Dataset"
-    true_points: FloatArray
+    mpcs: int
     accepted: int
     false: int
+    there: int
+    measured: int
+    of_known: int
+    of_honest: int
+    of_exact: int
+    excess: dict[str, float]
     snr: float
 
 
@@ -151,7 +163,7 @@ def sense(
 ) -> Sensed:
     """Measure the room, reconstruct it, and compare the reflection points with the rays'."""
     measured = captures.measure(campaign, change, progress=progress)
-    environment, merged = reconstruct(select(measured.mpcs, max_reflection_loss=largest_loss(campaign)))
+    environment, merged = _mapped(measured.mpcs, campaign)
     accepted = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
     rays = rays_of(campaign)
     ray = behind(accepted, campaign, rays)
@@ -159,13 +171,53 @@ def sense(
     kept, truth = accepted.isel(mpc=np.flatnonzero(single)), rays.vertex[ray[single], :2]
     planar, _ = reflection_point(*_ends(kept), path_length(kept), kept["azimuth"].values, planar=True)
     points = {
-        "the letter's planar reading": planar,
-        "ours, each MPC by itself": kept["reflection_point"].values[:, :2],
-        "ours, merged": kept["wall_point"].values[:, :2],
+        PLANAR: planar,
+        SINGLE: kept["reflection_point"].values[:, :2],
+        MERGED: kept["wall_point"].values[:, :2],
     }
     rows = tuple(Row(name, np.linalg.norm(value - truth, axis=1)) for name, value in points.items())
-    false = int(np.count_nonzero(~single))
-    return Sensed(rows, environment, kept, truth, accepted.sizes["mpc"], false, measured.snr)
+    taken = parts(measured.mpcs, campaign)
+    searched = {name: _mapped(getattr(taken, name), campaign)[1] for name in ("known", "honest", "exact")}
+    return Sensed(
+        rows=rows,
+        environment=environment,
+        table=kept,
+        mpcs=measured.mpcs.sizes["mpc"],
+        accepted=accepted.sizes["mpc"],
+        false=int(np.count_nonzero(~single)),
+        there=taken.there,
+        measured=taken.measured,
+        **{f"of_{name}": int(table["accepted"].sum()) for name, table in searched.items()},
+        excess=taken.excess,
+        snr=measured.median_snr,
+    )
+
+
+def _mapped(table: "xr.Dataset", campaign: Campaign) -> tuple["Environment", "xr.Dataset"]:
+    return reconstruct(select(table, max_reflection_loss=largest_loss(campaign)))
+
+
+def placements(campaign: Campaign) -> dict[str, list[Row]]:
+    """Errors from first-order rays with the transmitter at each receiver's place in turn, by what is switched on.
+
+    Where the letter's antennas stood is not printed; this tells how much of its numbers is their choice.
+
+    Returns
+    -------
+    dict of str to list of Row
+        ``resolution``, ``planar``; a row a place.
+    """
+    height = campaign.links[0].tx[2]
+    found: dict[str, list[Row]] = {"resolution": [], "planar": []}
+    for place in campaign.links:
+        tx = (*place.rx[:2], height)
+        moved = campaign.to_order(1).at([replace(link, tx=tx) for link in campaign.links if link is not place])
+        rays = rays_of(moved)
+        single = is_single_wall_bounce(moved, rays)
+        table, vertex = as_table(moved, rays).isel(mpc=single), rays.vertex[single]
+        found["resolution"].append(Row(place.name, _ray_errors(table, vertex, rate=BANDWIDTH, planar=False)))
+        found["planar"].append(Row(place.name, _ray_errors(table, vertex, rate=None, planar=True)))
+    return found
 
 
 def _ray_errors(table: "xr.Dataset", vertex: FloatArray, *, rate: float | None, planar: bool) -> FloatArray:

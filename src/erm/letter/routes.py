@@ -2,15 +2,18 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from erm.constants import c
 from erm.environment import Environment
 from erm.evaluate import point_errors, summary
 from erm.geometry import FloatArray, reflection_point, unit
 from erm.letter.captures import AS_IT_IS, Campaign, Captures, Change
+from erm.letter.methods import MERGED, PLANAR, SINGLE
 from erm.letter.published import TABLE_2
 from erm.letter.truth import NO_PATH, IntArray, behind, is_single_wall_bounce, rays_of
 from erm.mpc_table import path_length
@@ -22,9 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SCENE = "uma"
-PLANAR = "the letter's planar method"
-SINGLE = "ours, each MPC by itself"
-MERGED = "ours, merged"
+STEP, RATE = 10.0, 1.2e9  # degree, Hz; of the letter's scan and samples
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def study(
     ray = behind(table, campaign, rays)
     single = (ray != NO_PATH) & is_single_wall_bounce(campaign, rays)[ray]
     face = np.where(single, rays.reflector[ray], -1)
-    return Study(campaign, measured.mpcs, measured.daps, environment, table, face, measured.snr)
+    return Study(campaign, measured.mpcs, measured.daps, environment, table, face, measured.median_snr)
 
 
 def perpendicular_errors(studied: Study, chosen: npt.NDArray[np.bool_]) -> dict[str, FloatArray]:
@@ -101,8 +102,7 @@ def perpendicular_errors(studied: Study, chosen: npt.NDArray[np.bool_]) -> dict[
     dict of str to array (point,)
         [m] by `PLANAR`, `SINGLE`, `MERGED`.
     """
-    rows = np.flatnonzero(chosen)
-    kept = studied.table.isel(mpc=rows)
+    kept = studied.table.isel(mpc=np.flatnonzero(chosen))
     path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
     planar, _ = reflection_point(*path, planar=True)
     points = {
@@ -110,13 +110,78 @@ def perpendicular_errors(studied: Study, chosen: npt.NDArray[np.bool_]) -> dict[
         SINGLE: kept["reflection_point"].values[:, :2],
         MERGED: kept["wall_point"].values[:, :2],
     }
+    return {name: np.abs(across(studied, chosen, point)) for name, point in points.items()}
+
+
+def across(studied: Study, chosen: npt.NDArray[np.bool_], points: FloatArray) -> FloatArray:
+    """Signed distance (..., point) of points of the chosen components from the lines of their faces [m].
+
+    Positive behind the face, seen from the receiver.
+
+    Parameters
+    ----------
+    chosen : array (mpc,) of bool
+    points : array (..., point, 2)
+        One a chosen component [m].
+    """
+    rows = np.flatnonzero(chosen)
     truth = studied.campaign.environment
     walls = np.flatnonzero(truth.reflectors["kind"].values == "wall")
-    nearest = walls[point_errors(points[MERGED], outline_of(truth)).face]
+    nearest = walls[point_errors(studied.table["wall_point"].values[rows], outline_of(truth)).face]
     face = np.where(studied.face[rows] >= 0, studied.face[rows], nearest)
     normal = unit(truth.reflectors["normal"].values[face])
     offset = truth.reflectors["offset"].values[face]
-    return {name: np.abs(np.sum(normal * point, axis=1) - offset) for name, point in points.items()}
+    side = np.sign(np.sum(normal * studied.table["rx_position"].values[rows, :2], axis=1) - offset)
+    return -side * (np.sum(normal * points, axis=-1) - offset)
+
+
+@dataclass(frozen=True)
+class Limited:
+    """Errors of every route with the letter's limits switched on or off, for the same components.
+
+    Parameters
+    ----------
+    planar : bool
+        Whether the slant length is taken for the horizontal one.
+    azimuths, delays : bool
+        Whether azimuths are those of the scan's beams, and delays those of the samples.
+    error : dict of str to array (point,)
+        By route [m].
+    """
+
+    planar: bool
+    azimuths: bool
+    delays: bool
+    error: dict[str, FloatArray]
+
+
+def limits(studied: Study, *, step: float = STEP, rate: float = RATE) -> list[Limited]:
+    """The letter's ``D_Error`` of the components that make walls, with each limit of its method on and off.
+
+    Parameters
+    ----------
+    step : float
+        Between two beams of the scan [degree].
+    rate : float
+        Of the samples [Hz].
+    """
+    found = []
+    for planar, azimuths, delays in product((False, True), repeat=3):
+        error = {}
+        for route, positions in TABLE_2.items():
+            chosen = studied.on_walls & studied.of(list(positions))
+            kept = studied.table.isel(mpc=np.flatnonzero(chosen))
+            azimuth, delay = kept["azimuth"].values, kept["delay"].values
+            point, _ = reflection_point(
+                kept["tx_position"].values,
+                kept["rx_position"].values,
+                (np.rint(delay * rate) / rate if delays else delay) * c,
+                np.rint(azimuth / step) * step if azimuths else azimuth,
+                planar=planar,
+            )
+            error[route] = np.abs(across(studied, chosen, point))
+        found.append(Limited(planar, azimuths, delays, error))
+    return found
 
 
 def errors_by_route(studied: Study) -> dict[str, dict[str, FloatArray]]:

@@ -4,8 +4,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from erm import console
-from erm.letter import outlook, prediction, published, room, routes, sections, sweeps, verification
-from erm.letter.captures import Campaign, Captures, Change
+from erm.letter import (
+    corridor,
+    errors,
+    outlook,
+    parity,
+    prediction,
+    published,
+    reconstruction,
+    room,
+    routes,
+    sections,
+    spatial,
+    sweeps,
+    verification,
+)
+from erm.letter.captures import Campaign, Captures, Change, Remembered
 from erm.letter.page import Page
 from erm.storage import atomic_path
 
@@ -18,8 +32,8 @@ def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.
     Parameters
     ----------
     out : Path
-        Folder of the page ``letter.md``, its ``figures``, and the tables that are computed from the letter's print
-        alone (``table_3.csv``, ``reflection_points.csv``).
+        Folder of the page ``letter.md``, its ``figures``, the table of all numbers ``parity.csv``, and the tables
+        that are computed from the letter's print alone (``table_3.csv``, ``reflection_points.csv``).
     captures : Captures
         The instrument.
     knobs : sequence of Knob
@@ -32,9 +46,6 @@ def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.
     """
     page = Page(out, PAGE)
     simulation, measurement = captures.campaign(room.SCENE), captures.campaign(routes.SCENE)
-    _tables(out)
-    sections.opening(page)
-    sections.set_ups(page, simulation, measurement)
     sensed = {}
     kinds = {
         "with thermal noise": (simulation, Change()),
@@ -44,31 +55,39 @@ def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.
     for label, (campaign, change) in kinds.items():
         with console.progress(f"L-shaped room, {label}", len(campaign.links)) as advance:
             sensed[label] = room.sense(campaign, captures, change, progress=advance)
-    verification.ray_tracing(page, room.switches(simulation), room.grids(simulation), sensed)
-    verification.figures(page, simulation, sensed)
-    with console.progress("routes", len(measurement.links)) as advance:
+    with console.progress("routes", len(measurement.links) + len(published.TABLE_2[corridor.ROUTE])) as advance:
         studied = routes.study(measurement, captures, progress=advance)
-    sections.daps(page, studied, captures)
-    sections.reconstruction(page, studied)
-    sections.errors(page, studied, routes.errors_by_route(studied))
-    _outlook(page, measurement, captures, knobs)
+        inside = corridor.from_inside(measurement, captures, progress=advance)
+    by_route = routes.errors_by_route(studied)
+    table = parity.rows(next(iter(sensed.values())), by_route, inside)
+    _tables(out, table)
+    sections.opening(page)
+    parity.parity(page, table)
+    sections.set_ups(page, simulation, measurement)
+    limits = room.switches(simulation), room.grids(simulation), room.placements(simulation)
+    verification.ray_tracing(page, *limits, sensed)
+    verification.figures(page, simulation, sensed)
+    spatial.daps(page, studied, captures)
+    reconstruction.reconstruction(page, studied, inside)
+    errors.errors(page, studied, by_route)
+    _outlook(page, measurement, Remembered(captures), knobs)
     return page.write()
 
 
 def _outlook(page: Page, campaign: Campaign, captures: Captures, knobs: Sequence[sweeps.Knob]) -> None:
     """Sweeps and prediction."""
-    with console.progress("sweeps", sum(len(knob.values) for knob in knobs)) as advance:
-        outlook.future_work(page, sweeps.sweep(campaign, captures, knobs, progress=advance))
+    with console.progress("sweeps", len(sweeps.OFFSETS) * sum(len(knob.values) for knob in knobs)) as advance:
+        outlook.future_work(page, sweeps.sweep(campaign, captures, knobs, offsets=sweeps.OFFSETS, progress=advance))
     dense = sweeps.along(campaign, sweeps.DENSEST, sweeps.LINES[:1])
-    with console.progress("positions to predict from", len(dense.links)) as advance:
-        mpcs = captures.measure(dense, progress=advance).mpcs
+    mpcs = captures.measure(dense).mpcs
     route = prediction.beside(dense)
-    outlook.motivation(page, prediction.predict(mpcs, dense, route), len(route.links))
+    outlook.motivation(page, prediction.predict(mpcs, dense, route, prediction.COUNTS), len(route.links))
 
 
-def _tables(out: Path) -> None:
-    """Tables from the letter's print alone."""
+def _tables(out: Path, table: Sequence[parity.Row]) -> None:
+    """Tables for other programs."""
     texts = {
+        "parity.csv": parity.as_csv(table),
         "table_3.csv": published.as_csv(published.table_3()),
         "reflection_points.csv": published.points_csv(),
     }

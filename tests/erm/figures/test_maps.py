@@ -6,7 +6,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from erm.environment import Environment
-from erm.figures import PALETTE, plot_error_cdf, plot_map
+from erm.figures import PALETTE, mark_width, plot_map, plot_sensed_points
 from erm.mpc_table import empty_table, make_table
 from erm.reconstruct import reconstruct
 from erm.select import select
@@ -78,15 +78,17 @@ def test_an_empty_map_is_drawn():
     assert axes.get_legend() is None
 
 
-def test_the_error_curve_climbs_from_nothing_to_all():
-    axes = plot_error_cdf({"here": [0.3, 0.1, 0.2], "nothing": []})
-    x, y = axes.lines[0].get_data()
-    np.testing.assert_allclose(x, [0.1, 0.1, 0.2, 0.3])  # no zero: the axis may be logarithmic
-    np.testing.assert_allclose(y, [0, 1 / 3, 2 / 3, 1])
-    assert axes.get_xlabel() == "Error (m)"
-    assert "n = 3, RMSE 0.22 m" in axes.get_legend().get_texts()[0].get_text()
+def test_sensed_points_stand_over_the_true_ones():
+    square = np.array([[[0, 0], [4, 0]], [[4, 0], [4, 4]]], dtype=float)
+    there, sensed = np.array([[1.0, 0], [2, 0]]), np.array([[1.1, 0], [2, 0.1]])
+    axes = plot_sensed_points(square, there, sensed, tx=np.array([[1.0, 2]]), rx=np.array([[3.0, 2]]))
+    drawn = {item.get_label(): item.get_offsets() for item in axes.collections}
+    np.testing.assert_array_equal(drawn["simulated"], there)
+    np.testing.assert_array_equal(drawn["sensed"], sensed)
 
 
-def test_curves_of_unlike_size_share_a_logarithmic_axis():
-    assert plot_error_cdf({"fine": [0.001, 0.002], "coarse": [1.0, 2.0]}).get_xscale() == "log"
-    assert plot_error_cdf({"here": [0.1, 0.2], "there": [1.0, 2.0]}).get_xscale() == "linear"
+def test_a_width_is_marked_from_end_to_end_with_its_label():
+    axes = mark_width(plot_map(outline=OUTLINE), np.array([10.0, 0.0]), np.array([10.0, 40.0]), "40 m")
+    arrow, label = axes.texts
+    assert (arrow.xyann, arrow.xy) == ((10.0, 40.0), (10.0, 0.0))
+    assert (label.get_text(), label.xy) == ("40 m", (10.0, 20.0))

@@ -1,0 +1,143 @@
+"""Curves: distributions of errors, and what settings and positions bring."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.figures.style import ABOVE, CURVES, PALETTE, new_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from erm.letter.prediction import Predicted
+    from erm.letter.sweeps import Sweep
+
+WIDE = 30.0  # times; medians further apart than this need a logarithmic axis
+MEASURES: dict[str, tuple[str, dict[str, str]]] = {
+    "Completeness": (
+        "linear",
+        {"completeness": "MPCs as they are", "of_honest": "with errors that are known", "of_exact": "without errors"},
+    ),
+    "RP error (m)": ("log", {"point_error": "MPCs on the map", "shared_error": "paths that every value found"}),
+    "Wall error (m)": ("log", {"wall_error": "MPCs as they are", "wall_honest": "with errors that are known"}),
+}
+"""Rows of a figure of sweeps: label, scale, and the curves by field of `erm.letter.sweeps.Outcome`."""
+STYLES: tuple[dict[str, Any], ...] = (
+    {"color": CURVES[1], "fmt": "o-"},
+    {"color": CURVES[2], "fmt": "s--"},
+    {"color": CURVES[3], "fmt": "^:"},
+)
+
+
+def plot_error_cdf(
+    errors: Mapping[str, npt.ArrayLike], *, colours: Mapping[str, str] | None = None, ax: "Axes | None" = None
+) -> "Axes":
+    """Draw the empirical distribution of errors, one curve an entry.
+
+    Parameters
+    ----------
+    errors : mapping of str to array (point,)
+        Errors [m] by label.
+    colours : mapping of str to str, optional
+        By label, where a thing is to keep its colour over several figures.
+    """
+    axes = ax or new_axes((5.2, 3.8))
+    for (label, values), usual in zip(errors.items(), CURVES, strict=False):
+        ordered = np.sort(np.asarray(values, dtype=float))
+        steps = np.r_[ordered[:1], ordered]
+        rmse = np.sqrt(np.mean(ordered**2)) if len(ordered) else np.nan
+        axes.step(
+            steps,
+            np.arange(len(steps)) / max(len(ordered), 1),
+            where="post",
+            color=(colours or {}).get(label, usual),
+            label=f"{label} (n = {len(ordered)}, RMSE {rmse:.2g} m)",
+        )
+    axes.set_xlabel("Error (m)")
+    axes.set_ylabel("Share of reflection points")
+    axes.set_ylim(0, 1.02)
+    typical = [float(np.median(np.asarray(values))) for values in errors.values() if np.size(values)]
+    if typical and max(typical) > WIDE * min(typical) > 0:  # side by side only a logarithm shows both
+        axes.set_xscale("log")
+    else:
+        axes.set_xlim(left=0)
+    axes.grid(alpha=0.3)
+    axes.legend(**ABOVE)
+    return axes
+
+
+def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
+    """Draw what settings bring: a column a knob, a row a measure; dotted where the letter has it.
+
+    Bars are one standard error of the mean over the replicates.
+
+    Parameters
+    ----------
+    sweeps : sequence of Sweep
+        From `erm.letter.sweeps.sweep`.
+    """
+    import matplotlib.pyplot as plt
+
+    shape = len(MEASURES), len(sweeps)
+    figure, grid = plt.subplots(*shape, figsize=(2.3 * shape[1] + 0.6, 6.6), sharex="col", sharey="row", squeeze=False)
+    figure.set_layout_engine("constrained")
+    for column, one in zip(grid.T, sweeps, strict=True):
+        for axes, (label, (scale, curves)) in zip(column, MEASURES.items(), strict=True):
+            for (field, told), style in zip(curves.items(), STYLES, strict=False):
+                mean, error = one.mean(field), one.error(field)
+                axes.errorbar(one.knob.values, mean, yerr=error, label=told, markersize=4, capsize=2, **style)
+            axes.axvline(one.knob.usual, color=PALETTE["truth"], linestyle=":", linewidth=1.2, zorder=0)
+            axes.grid(alpha=0.3)
+            axes.set_yscale(scale)
+            if scale == "linear":
+                axes.set_ylim(0, 1.04)
+            if axes in grid[:, 0]:
+                axes.set_ylabel(label)
+                axes.legend(**ABOVE | {"fontsize": "x-small"})
+        if min(one.knob.values) > 0:
+            column[-1].set_xscale("log")
+        column[-1].set_xticks(one.knob.values, [f"{value:g}" for value in one.knob.values])
+        column[-1].minorticks_off()
+        if one.knob.values[0] > one.knob.values[-1]:
+            column[-1].invert_xaxis()  # effort grows to the right in every column
+        column[-1].set_xlabel(f"{one.knob.name} ({one.knob.unit})")
+    return figure
+
+
+def plot_predictions(predictions: "Sequence[Predicted]") -> "Figure":
+    """Draw how well maps of more and more positions predict a new route.
+
+    Bars are one standard error of the mean over maps of different positions.
+
+    Parameters
+    ----------
+    predictions : sequence of Predicted
+        From `erm.letter.prediction.predict`.
+    """
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.6), layout="constrained")
+    shares = {"power": "true power that is predicted", "false": "false power", "false_cut": "false, walls cut back"}
+    for (field, label), style in zip(shares.items(), STYLES, strict=True):
+        _with_bars(left, predictions, field, label, style)
+    left.set_ylabel("Share of the reflected power")
+    left.set_ylim(0, 1.04)
+    _with_bars(right, predictions, "level", "all reflected power", STYLES[0])
+    right.set_ylabel("RMS error of the power (dB)")
+    right.set_ylim(bottom=0)
+    for axes in (left, right):
+        axes.set_xlabel("Positions behind the map")
+        axes.grid(alpha=0.3)
+        axes.legend(**ABOVE)
+    return figure
+
+
+def _with_bars(axes: "Axes", predictions: "Sequence[Predicted]", field: str, label: str, style: dict[str, Any]) -> None:
+    values = [one.of(field) for one in predictions]
+    mean = [float(np.mean(one)) for one in values]
+    error = [float(np.std(one, ddof=1) / np.sqrt(len(one))) if len(one) > 1 else np.nan for one in values]
+    count = [one.positions for one in predictions]
+    axes.errorbar(count, mean, yerr=error, label=label, markersize=4, capsize=2, **style)

@@ -1,0 +1,64 @@
+"""What all figures share: one colour and one shape a thing, metres of equal length, legends that hide nothing."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from erm.geometry import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Okabe and Ito's colours, told apart by all; one thing keeps its colour in every figure
+PALETTE = {"TX": "#d55e00", "RX": "#0072b2", "RP": "#e69f00", "wall": "#009e73", "truth": "#8c8c8c"}
+LINES: dict[str, dict[str, Any]] = {"wall": {"linewidth": 2.6, "zorder": 3}, "truth": {"linewidth": 1.0, "zorder": 1}}
+MARKERS: dict[str, dict[str, Any]] = {
+    "TX": {"marker": "*", "s": 170, "zorder": 6, "edgecolors": "black", "linewidths": 0.6},
+    "RX": {"marker": "h", "s": 34, "zorder": 5, "edgecolors": "white", "linewidths": 0.5},
+    "RP": {"marker": "x", "s": 26, "zorder": 4, "linewidths": 1.2},
+}
+CURVES = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+MARGIN = 0.08  # share of the map's larger side left free around it
+ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "fontsize": "small"}
+"""Place of a legend over the axes, where it hides nothing."""
+
+
+def new_axes(size: tuple[float, float]) -> "Axes":
+    """Axes in a figure of their own, of a size [inch]."""
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(figsize=size, layout="constrained")[1]
+
+
+def draw_segments(axes: "Axes", segments: FloatArray, thing: str, label: str) -> None:
+    """Draw segments (segment, 2, 2) as one collection."""
+    from matplotlib.collections import LineCollection
+
+    if len(segments):
+        lines = LineCollection(list(segments), colors=PALETTE[thing], label=label, **LINES[thing])
+        axes.add_collection(lines)
+
+
+def draw_points(axes: "Axes", points: FloatArray, thing: str, label: str) -> None:
+    """Draw points (point, 2) in the colour and shape of the thing."""
+    if len(points):
+        axes.scatter(*points.T, color=PALETTE[thing], label=label, **MARKERS[thing])
+
+
+def fit_frame(axes: "Axes", points: FloatArray) -> None:
+    """Fit the view to points (point, 2), metres of equal length both ways."""
+    axes.set_aspect("equal")
+    axes.set(xlabel="East (m)", ylabel="North (m)")
+    if len(points):
+        low, high = points.min(axis=0), points.max(axis=0)
+        margin = MARGIN * max(np.max(high - low), 1.0)
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
+
+
+def legend_above(axes: "Axes") -> None:
+    """Put the legend above a map, where it hides nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": len(labels)}
+        axes.legend(handles, labels, frameon=False, fontsize="small", **above)
