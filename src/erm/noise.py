@@ -84,6 +84,8 @@ def widened(residual: FloatArray, of: FloatArray, std: FloatArray) -> FloatArray
     for share in SHARES:
         own = np.hypot(of, share * typical)
         factor = scale(residual / own)
+        if factor == 0:  # of computed paths: nothing is underrated
+            return std
         likelihood = _likelihood(residual, factor * own)
         if likelihood > likeliest:
             best, likeliest = np.maximum(std, factor * np.hypot(std, share * typical)), likelihood

@@ -6,7 +6,7 @@ from scipy.constants import c
 
 from erm.geometry import azimuth_of
 from erm.mpc_table import make_table
-from erm.noise import ASSUMED, of_direct_paths
+from erm.noise import ASSUMED, of_direct_paths, widened
 
 
 def direct_paths(count, delay_std, azimuth_std, seed=3):
@@ -43,3 +43,12 @@ def test_a_few_direct_paths_are_no_evidence():
 def test_errors_of_exact_paths_stay_positive():
     found = of_direct_paths(direct_paths(20, 0.0, 0.0))
     assert min(found.delay, found.azimuth) > 0
+
+
+def test_errors_are_widened_to_the_residuals_and_left_alone_where_these_are_as_stated_or_nothing():
+    rng = np.random.default_rng(11)
+    stated = np.full(400, 0.02)
+    underrated = widened(0.1 * rng.standard_normal(400), stated, stated)
+    np.testing.assert_allclose(underrated, 0.1, rtol=0.17)  # as above
+    for residual in (0.02 * rng.standard_normal(400), np.zeros(400)):
+        np.testing.assert_array_equal(widened(residual, stated, stated), stated)
