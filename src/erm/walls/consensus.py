@@ -6,6 +6,7 @@ in proportion to the number of paths.
 """
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +14,13 @@ from scipy.spatial import cKDTree
 
 from erm.geometry import FloatArray, bisector, mirrored
 from erm.walls.loss import scattered
-from erm.walls.wall import BoolArray, IntArray, Line, Paths, fit_line, misfit, seed_line
+from erm.walls.wall import STEPS, BoolArray, IntArray, Line, Paths, fit_line, misfit, seed_line
 
 GATE = 13.8  # chi-squared of 2 degrees of freedom that one true path in a thousand exceeds
 REACH = 4.0  # standard errors of azimuth within which an image is looked for
 NEIGHBOURS = 24  # nearest images looked at for partners of a seed
 PARTNERS = 8  # pairs with a seed that are tried as starts
+ROUGHLY = 2  # steps of a fit whose members may yet change
 DECIBEL = 0.5  # chi-squared a dB: of two paths of a link inside the gate the much stronger one is the wall's
 
 
@@ -55,11 +57,13 @@ class Images:
         self.tree = cKDTree(np.column_stack([self.points, paths.transmitter * self.apart]))
 
     def around(self, points: FloatArray, transmitter: IntArray, radius: float) -> IntArray:
-        """Paths whose images lie within a radius of points (n, 2) of transmitters (n,)."""
+        """Paths whose images lie within a radius of points (n, 2) of different transmitters (n,), ascending."""
         if len(points) == 0 or len(self.paths) == 0:
             return np.empty(0, dtype=np.int64)
-        near = self.tree.query_ball_point(np.column_stack([points, transmitter * self.apart]), radius)
-        return np.unique(np.concatenate([np.asarray(one, dtype=np.int64) for one in near]))
+        near = self.tree.query_ball_point(
+            np.column_stack([points, transmitter * self.apart]), radius, return_sorted=False
+        )
+        return np.sort(np.fromiter(chain.from_iterable(near), dtype=np.int64))
 
     def partners(self) -> tuple[IntArray, IntArray]:
         """Pairs (pair,) of paths of one transmitter and two links whose images agree within their errors."""
@@ -194,8 +198,9 @@ def _settle(images: Images, line: Line, free: BoolArray) -> Group | None:
         gathered = gather(images, line, free)
         if len(gathered) < 2:
             return None
-        line = fit_line(images.paths.take(gathered), line)
-        if np.array_equal(gathered, members):
+        settled = np.array_equal(gathered, members)
+        line = fit_line(images.paths.take(gathered), line, STEPS if settled else ROUGHLY)
+        if settled:
             return Group(line, members)
         members = gathered
     return Group(line, gather(images, line, free))

@@ -24,6 +24,7 @@ from erm.geometry import (
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+STEPS = 30  # of a fit, at most; five are the rule
 HUBER = 2.0  # standard errors; residuals beyond pull with constant force (99 % efficient on Gaussian errors)
 
 
@@ -180,7 +181,7 @@ def seed_line(path: Paths) -> Line:
     return Line(float(normal[0]), float(offset[0]), covariance[0], pivot)
 
 
-def fit_line(paths: Paths, start: Line) -> Line:
+def fit_line(paths: Paths, start: Line, steps: int = STEPS) -> Line:
     """Most likely wall of a set of paths, by reweighted Gauss-Newton steps from a nearby start.
 
     Minimises the sum over paths of ``h((L - L(wall)) / s_L) + h((a - a(wall)) / s_a)`` with Huber's ``h``:
@@ -191,7 +192,7 @@ def fit_line(paths: Paths, start: Line) -> Line:
     points = bounce_points(start, paths.tx, paths.rx)[:, :2]
     line = start.about(points.mean(axis=0))
     scale = np.stack([1 / paths.length_std, 1 / paths.azimuth_std], axis=-1)
-    for _ in range(30):
+    for _ in range(steps):
         residual, jacobian = residuals(paths, line)
         white = (residual * scale).ravel()
         weight = np.minimum(1.0, HUBER / np.maximum(np.abs(white), HUBER))
