@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.compile import part
+from sounder.kernels.scratch import scratch
 from sounder.kernels.view import View, aim, pattern
 
 Real = npt.NDArray[np.float64]
@@ -61,7 +62,7 @@ def fit_angles(
     .. [1] L. Kaufman, "A variable projection method for solving separable nonlinear least squares problems",
        BIT 15, 1975.
     """
-    sums, direction = np.zeros(10), np.empty(4)
+    sums, direction = scratch(10), scratch(4)
     azimuth, elevation = fit[AZIMUTH], fit[ELEVATION]
     amplitude = _model(view, magnitude, near, azimuth, elevation, free, direction, sums)
     cost = sums[COST]
@@ -144,7 +145,7 @@ def _model(
     sums: Real,
 ) -> float:
     """Fit the amplitude alone; fill ``sums`` with the cost and the normal equations of the angles."""
-    slopes = np.empty(2)
+    slopes = scratch(2)
     aim(azimuth, elevation, direction)
     inner = energy = by_a = by_e = aa = ae = ee = size2 = down_a = down_e = 0.0
     for i in range(near.size):

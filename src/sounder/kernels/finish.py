@@ -58,5 +58,5 @@ def mean_power(
 def mean_capture(partial: Array, total: Array, count: int, out: Array) -> None:
     """Mean of the captures, in the precision of the transforms."""
     scale = 1.0 / count
-    for t in range(min(partial.size, out.size)):
+    for t in range(partial.size if partial.size < out.size else out.size):
         out[t] = np.float32((total[t] + partial[t]) * scale)

@@ -196,7 +196,7 @@ def path(order: int, samples_per_chip: int) -> Path:
                 finish.clear(state.power, state.power_total)
                 finish.clear(state.samples, state.samples_total)
             for i in range(0, x.shape[1], 2):
-                together = min(2, x.shape[1] - i)
+                together = 2 if i + 1 < x.shape[1] else 1
                 address = x.ctypes.data + 2 * numbers * (d * x.shape[1] + i)
                 if together == 2:
                     stage_two(address, numbers, state.staged, state.samples)
