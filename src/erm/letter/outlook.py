@@ -69,7 +69,7 @@ def future_work(page: Page, sweeps: Sequence[Sweep]) -> None:
         f"Completeness, RP error and wall error over {len(sweeps)} settings, "
         f"{sum(len(one.outcomes) for one in sweeps)} values, {replicates} runs each, with standard errors; dotted: the "
         f"letter's, with {' or '.join(str(n) for n in sorted({o.positions for o in usual}))} positions. Effort grows "
-        "to the right. Dashed and dash-dotted: the experiments below.",
+        "to the right. Dashed and dotted: the experiments below.",
     )
     page.add(
         "\n".join(f"- {_pays(sweeps, field, name)}" for field, name in MEASURES.items()).join(

@@ -6,6 +6,7 @@ the captures here are those of a rotating horn. From rays three things are switc
 planar reading, which takes the slant length for the horizontal one; and rays of higher order, no single bounces.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -85,6 +86,8 @@ class Sensed:
         Single bounces off walls, and of these such as were measured.
     of_known, of_honest, of_exact : int
         Components that make the map with one thing taken away (`erm.letter.ablation`).
+    left : dict of str to int
+        Why the search left measured single bounces, and how many.
     excess : dict of str to float
         RMS errors over the standard deviations that the table gives, as in `erm.letter.ablation.Parts`.
     snr : float
@@ -102,6 +105,7 @@ class Sensed:
     of_known: int
     of_honest: int
     of_exact: int
+    left: dict[str, int]
     excess: dict[str, float]
     snr: float
 
@@ -177,6 +181,9 @@ def sense(
     }
     rows = tuple(Row(name, np.linalg.norm(value - truth, axis=1)) for name, value in points.items())
     taken = parts(measured.mpcs, campaign)
+    behind_all = behind(merged, campaign, rays)
+    singles = (behind_all != NO_PATH) & is_single_wall_bounce(campaign, rays)[behind_all]
+    left = Counter(merged["reason"].values[singles & ~merged["accepted"].values].tolist())
     searched = {name: _mapped(getattr(taken, name), campaign)[1] for name in ("known", "honest", "exact")}
     return Sensed(
         rows=rows,
@@ -188,6 +195,7 @@ def sense(
         there=taken.there,
         measured=taken.measured,
         **{f"of_{name}": int(table["accepted"].sum()) for name, table in searched.items()},
+        left=dict(left.most_common()),
         excess=taken.excess,
         snr=measured.median_snr,
     )

@@ -1,6 +1,6 @@
 """How the page opens: what it is, how the letter must be read, and its set-ups beside ours."""
 
-from erm.letter import published
+from erm.letter import published, room, routes
 from erm.letter.captures import Campaign
 from erm.letter.page import Page
 
@@ -27,7 +27,10 @@ def opening(page: Page) -> None:
 
 def set_ups(page: Page, simulation: Campaign, measurement: Campaign) -> None:
     """Tables 1 and 2: the shipped configurations beside the printed values."""
-    page.add("## Set-ups (Tables 1 and 2)")
+    page.add(
+        "## Set-ups (Tables 1 and 2)",
+        f"Both ship with the instrument, as its scenes `{room.SCENE}` and `{routes.SCENE}`; *here* is read from them.",
+    )
     page.table(
         ["parameter", "simulation, printed", "here", "measurement, printed", "here"],
         [

@@ -86,6 +86,13 @@ def ray_tracing(
             for kind, one in sensed.items()
         ],
     )
+    page.add(
+        "Why the search left single bounces that were measured, in its own words:\n\n"
+        + "\n".join(
+            f"- captures {kind}: {', '.join(f'{count} {why}' for why, count in one.left.items()) or 'none left'}"
+            for kind, one in sensed.items()
+        )
+    )
 
 
 def figures(page: Page, campaign: Campaign, sensed: Mapping[str, room.Sensed]) -> None:
