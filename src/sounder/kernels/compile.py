@@ -1,15 +1,12 @@
 """The compiler's settings: how a kernel is compiled, and where its machine code is kept between runs.
 
-The cache must serve read-only installations, accounts without a home, clusters that share one home among
-unlike machines, and several processes that start at once. Two rules make it safe:
+The cache must serve read-only installations, accounts without a home, clusters that share one home among unlike
+machines, and several processes that start at once. Two rules make it safe:
 
-* its directory is named by everything the machine code depends on (kernel sources, versions, processor), so
-that a
+* its directory is named by everything the machine code depends on (kernel sources, versions, processor), so that a
   cache entry is never stale and never another machine's;
-* every entry point is only ever called with one signature. Numba numbers the signatures of a function as they
-come,
-  and two processes compiling different ones at the same time could swap them; with one there is nothing to
-  swap.
+* every entry point is only ever called with one signature. Numba numbers the signatures of a function as they come,
+  and two processes compiling different ones at the same time could swap them; with one there is nothing to swap.
 """
 
 import contextlib
