@@ -120,8 +120,9 @@ def _scatter(page: Page, studied: routes.Study) -> None:
         "The planar reading moves all points of a face the same way, behind it. The mean with its sign tells how far "
         "that can be what made the printed errors. What it cannot is made here by path lengths that are off by a "
         "normal error, heights taken into account: its standard deviation is chosen such that the RMSE comes out, and "
-        "mean and standard deviation of the error follow. A larger printed mean with a smaller standard deviation "
-        "is a bias that the points share. (The letter's own explanation is an uneven face.)"
+        "mean and standard deviation of the error follow. Where they differ from the printed ones, the last columns "
+        "tell which bias that all paths of the route share, as of a clock or of a face that stands elsewhere than on "
+        "the map, and which standard deviation beside it make these. (The letter's own explanation is an uneven face.)"
     )
     page.table(
         [
@@ -134,6 +135,9 @@ def _scatter(page: Page, studied: routes.Study) -> None:
             "printed",
             "std that follows",
             "printed",
+            "shared bias of the length",
+            "std beside it",
+            "mean and std that follow",
         ],
         [
             [
@@ -146,6 +150,9 @@ def _scatter(page: Page, studied: routes.Study) -> None:
                 printed["mean"],
                 one.std,
                 printed["RMSE"],
+                one.bias,
+                one.beside,
+                f"{cell(one.biased_mean)}, {cell(one.biased_std)}",
             ]
             for one in scatter(studied)
             for printed in [published.TABLE_3[published.COLUMN_OF_ROUTE[one.route]]]

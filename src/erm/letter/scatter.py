@@ -2,13 +2,16 @@
 
 The planar reading moves all points of a face the same way. Errors that are printed on both sides of a face, or too
 small for it, must come from something else; here, from lengths that are off by a normal error. Its size is chosen such
-that the RMSE comes out; mean and standard deviation then follow, and can be compared with what is printed.
+that the RMSE comes out; mean and standard deviation then follow, and can be compared with what is printed. Where they
+differ, a bias of the lengths that all paths of the route share is fitted beside it, to the mean and the standard
+deviation.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import least_squares
 
 from erm.constants import c
 from erm.evaluate import summary
@@ -44,6 +47,11 @@ class Scatter:
         Of the errors that follow [m].
     planar : float
         Mean with its sign, positive behind the face, by the planar reading of the components as they are [m].
+    bias, beside : float
+        Of the lengths: what all share, and the standard deviation about it, that give the printed mean and standard
+        deviation most nearly [m].
+    biased_mean, biased_std : float
+        Of the errors that follow from these [m].
     """
 
     route: str
@@ -52,6 +60,10 @@ class Scatter:
     mean: float
     std: float
     planar: float
+    bias: float
+    beside: float
+    biased_mean: float
+    biased_std: float
 
 
 def scatter(studied: Study) -> list[Scatter]:
@@ -70,8 +82,26 @@ def scatter(studied: Study) -> list[Scatter]:
             low, high = (middle, high) if _errors(studied, chosen, middle * normal)["rmse"] < rmse else (low, middle)
         made = _errors(studied, chosen, high * normal)
         planar = float(np.mean(across(studied, chosen, _points(studied, chosen, planar=True))))
-        found.append(Scatter(route, rmse, high, made["mean"], made["std"], planar))
+        biased = _with_bias(studied, chosen, normal, (printed["mean"], printed["RMSE"]))
+        found.append(Scatter(route, rmse, high, made["mean"], made["std"], planar, *biased))
     return found
+
+
+def _with_bias(
+    studied: Study, chosen: npt.NDArray[np.bool_], normal: FloatArray, printed: tuple[float, float]
+) -> tuple[float, float, float, float]:
+    """Bias, standard deviation of the lengths beside it, and the mean and standard deviation that follow [m]."""
+
+    def made(size: FloatArray) -> FloatArray:
+        errors = _errors(studied, chosen, size[0] + size[1] * normal)
+        return np.array([errors["mean"], errors["std"]])
+
+    def departure(size: FloatArray) -> FloatArray:
+        return made(size) - printed
+
+    fitted = least_squares(departure, printed, bounds=(0, WIDEST)).x
+    mean, std = made(fitted)
+    return float(fitted[0]), float(fitted[1]), float(mean), float(std)
 
 
 def printed_signs() -> dict[str, FloatArray]:
