@@ -21,7 +21,8 @@ GAIN_STD = 0.0  # dB; not looked for, the losses of one wall scatter by more
 LEAST = (1e-12, 1e-2, 1e-2)  # s, degree, degree; 0.3 mm, and 2 mm at 10 m: below, survey and arithmetic rule
 SHARES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0)  # of a common error in the typical one
 NORMAL = 1.4826  # standard deviations of a Gaussian in its median absolute deviation
-EVIDENCE = 5.0  # log odds of wider errors against what the table says, of 150 to 1
+EVIDENCE = 2.0  # log odds of wider errors against what the table says; Akaike, for two parameters
+EXACT = 1e-3  # of the standard errors; residuals without any error tell no scale
 FEWEST = 5  # direct paths or residuals that make an estimate
 
 
@@ -83,9 +84,7 @@ def widened(residual: FloatArray, of: FloatArray, std: FloatArray) -> FloatArray
     best, likeliest = std, _likelihood(residual, of) + EVIDENCE
     for share in SHARES:
         own = np.hypot(of, share * typical)
-        factor = scale(residual / own)
-        if factor == 0:  # of computed paths: nothing is underrated
-            return std
+        factor = max(scale(residual / own), EXACT)
         likelihood = _likelihood(residual, factor * own)
         if likelihood > likeliest:
             best, likeliest = np.maximum(std, factor * np.hypot(std, share * typical)), likelihood

@@ -13,7 +13,7 @@ from erm.mpc_table import path_length
 from erm.noise import LEAST, scale, widened
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
 from erm.walls.consensus import Group, find_groups
-from erm.walls.decide import Verdict, decide
+from erm.walls.decide import ACCIDENTAL, Verdict, decide
 from erm.walls.extent import MOST_MARGIN, Legs, ends_of
 from erm.walls.loss import refractive_index_squared
 from erm.walls.pieces import Links
@@ -62,7 +62,7 @@ def reconstruct(
     paths, groups = joined(first, groups, paths_of(table, rows), min_support)
     candidates = [Wall(paths, group.line, group.members) for group in groups]
     verdict = decide(candidates, _witnesses(paths, groups), lines_of_sight(table), _links(table), max_gap)
-    in_line = [*verdict.walls, *(wall for wall, _ in verdict.rejected)]
+    in_line = [*verdict.walls, *(wall for wall, why in verdict.rejected if why != ACCIDENTAL)]
     taken = np.concatenate([np.empty(0, dtype=np.int64), *(wall.paths.row for wall in in_line)])
     poles, of_poles = _poles(table, taken, verdict.walls, min_support)
     environment, enriched = _map(verdict, poles, of_poles, table)

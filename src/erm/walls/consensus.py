@@ -20,7 +20,7 @@ GATE = 13.8  # chi-squared of 2 degrees of freedom that one true path in a thous
 REACH = 4.0  # standard errors of azimuth within which an image is looked for
 NEIGHBOURS = 24  # nearest images looked at for partners of a seed
 PARTNERS = 8  # pairs with a seed that are tried as starts
-ROUGHLY = 2  # steps of a fit whose members may yet change
+ROUGHLY = 5  # steps of a fit whose members may yet change
 DECIBEL = 0.5  # chi-squared a dB: of two paths of a link inside the gate the much stronger one is the wall's
 
 

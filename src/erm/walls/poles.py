@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.special import gammainc
 
 from erm.geometry import FloatArray, angle_difference, azimuth_of, point_covariance, reflection_point
+from erm.walls.chance import UNSEEN
 from erm.walls.conflicts import BEYOND
 from erm.walls.consensus import GATE, find_groups
 from erm.walls.extent import Footprint, Legs, footprint, stretches
@@ -23,7 +25,9 @@ DEPTH = 0.05  # m; a path ends on the pole's surface, not in its centre
 THINNEST, THICKEST = 0.02, 1.0  # m; radius
 ALIKE = 3.0  # dB; scatter of radii from the losses of one pole's paths
 LEAST_LOSS = 6.0  # dB; a cylinder seen from farther than its radius loses more
-FEWEST = 4  # links; a point has as many parameters as a line, but is looked for among far more paths
+PLENTY = 4  # links; of fewer it is asked whether they agree by chance
+RING = 10.0  # outer radius of the ring about a pole that is counted, in radii of the gate
+ACCIDENTS = 0.001  # poles that chance may be expected to make of as few links
 OFF_WALL = 0.5  # m; what is nearer to a wall is its roughness, or a pilaster
 ALONE = 3.0  # m; points closer than this to each other are the roughness of a wall that nobody saw
 
@@ -53,7 +57,6 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     """
     rows = np.flatnonzero(paths.loss > LEAST_LOSS)
     paths = paths.take(rows)
-    min_support = max(min_support, FEWEST)
     if len(paths) < min_support:
         return []
     chain = np.full(len(paths), -1)
@@ -76,6 +79,8 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
         if pole is None:
             continue
         free[pole.members] = False
+        if len(pole.members) < PLENTY and _accidents(paths, pole) > ACCIDENTS:
+            continue
         of_chain = np.bincount(chain[pole.members] + 1)[1:].max(initial=0) >= len(pole.members) / 2
         if not of_chain and not _at_wall(pole, prints) and not _hidden(paths.take(pole.members), pole, prints):
             poles.append(pole)
@@ -99,12 +104,7 @@ def _pole(paths: Paths, start: FloatArray, spread: FloatArray, around: IntArray,
     place, covariance = start, spread
     members = np.empty(0, dtype=np.int64)
     for _ in range(8):
-        residual, jacobian = _residuals(paths.take(around), place)
-        length_std, azimuth_std = _errors(paths.take(around))
-        own = jacobian @ covariance @ jacobian.swapaxes(1, 2)
-        own[:, 0, 0] += length_std**2
-        own[:, 1, 1] += azimuth_std**2
-        chi2 = np.einsum("ni,nij,nj->n", residual, np.linalg.inv(own), residual)
+        chi2 = _misfit(paths.take(around), place, covariance)
         inside = np.flatnonzero(chi2 < GATE)
         inside = inside[np.lexsort((chi2[inside], paths.link[around[inside]]))]
         _, first = np.unique(paths.link[around[inside]], return_index=True)
@@ -129,6 +129,32 @@ def _pole(paths: Paths, start: FloatArray, spread: FloatArray, around: IntArray,
     # the fitted point is on the surface, on the side of the antennas
     inward = place - (one.tx[:, :2].mean(axis=0) + one.rx[:, :2].mean(axis=0)) / 2
     return Pole(place + radius * inward / np.linalg.norm(inward), covariance, radius, float(heights.max()), members)
+
+
+def _misfit(paths: Paths, place: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Chi-squared (path,) of paths against a point of some covariance."""
+    residual, jacobian = _residuals(paths, place)
+    length_std, azimuth_std = _errors(paths)
+    own = jacobian @ covariance @ jacobian.swapaxes(1, 2)
+    own[:, 0, 0] += length_std**2
+    own[:, 1, 1] += azimuth_std**2
+    return np.einsum("ni,nij,nj->n", residual, np.linalg.inv(own), residual)
+
+
+def _accidents(paths: Paths, pole: Pole) -> float:
+    """Poles of as many links that would be found if all paths came from anywhere, as many as about this one.
+
+    With ``n`` paths in the ring from one to `RING` radii of the gate, the gate holds ``m = (n + 1/2) / (RING**2 - 1)``
+    by chance. Each of the ``N`` paths lays a point, and ``N P(Poisson(m) >= support - 1)`` have as much company.
+    """
+    others = np.ones(len(paths), dtype=bool)
+    others[pole.members] = False
+    inward = pole.centre - (paths.tx[pole.members, :2].mean(axis=0) + paths.rx[pole.members, :2].mean(axis=0)) / 2
+    surface = pole.centre - pole.radius * inward / np.linalg.norm(inward)
+    chi2 = _misfit(paths.take(others), surface, pole.covariance)
+    chance = (np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE)) + UNSEEN) / (RING**2 - 1)
+    # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
+    return float(len(paths) * gammainc(max(len(pole.members) - 1, 1), chance))
 
 
 def _errors(paths: Paths) -> tuple[FloatArray, FloatArray]:

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+import xarray as xr
+from scipy.constants import c
 
 from erm.environment import Environment
+from erm.geometry import azimuth_of
 from erm.mpc_table import make_table
 from erm.reconstruct import reconstruct
 from erm.select import select
@@ -47,6 +50,27 @@ def test_a_lamp_post_is_a_pole_where_it_stands(seed):
     assert table["radius"].item() == pytest.approx(0.12, rel=0.5)
     assert table["support"].item() >= 10
     assert (merged["wall"].values == 0).sum() == table["support"].item()
+
+
+def test_three_links_make_a_pole_where_little_else_is_and_none_in_a_crowd():
+    post = np.array([[35.0, 9.0]])
+    lonely = campaign(Environment.empty().with_poles(post, 0.12, top=8.0), seed=2, count=3)
+    environment, _ = reconstruct(select(lonely))
+    assert environment.reflectors["kind"].values.tolist() == ["pole"]
+    assert np.linalg.norm(environment.reflectors["end_points"].values[0, 0] - post[0]) < 0.15
+    # paths by way of points anywhere within 3 m of the post, as many that three of them meet by chance
+    rng = np.random.default_rng(3)
+    parts = [lonely]
+    for _ in range(60):
+        stray = lonely.copy(deep=True)
+        place = post[0] + rng.uniform(-3, 3, (stray.sizes["mpc"], 2))
+        tx, rx = stray["tx_position"].values, stray["rx_position"].values
+        level = np.linalg.norm(place - tx[:, :2], axis=-1) + np.linalg.norm(place - rx[:, :2], axis=-1)
+        stray["delay"][:] = np.hypot(level, tx[:, 2] - rx[:, 2]) / c
+        stray["azimuth"][:] = azimuth_of(place - rx[:, :2])
+        parts.append(stray)
+    crowded, _ = reconstruct(select(xr.concat(parts, dim="mpc"), delay_window=1e-12, azimuth_window=1e-3))
+    assert "pole" not in crowded.reflectors["kind"].values
 
 
 def test_a_wall_makes_no_poles():
