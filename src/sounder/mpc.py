@@ -148,9 +148,10 @@ def _leftover(pattern: Pattern, *, takes: bool) -> NDArray[np.float64]:
     return np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0])
 
 
-def _main_lobe(pattern: Pattern) -> float:
-    """Amplitude of the pattern that only the main lobe has."""
-    return float(10 ** ((pattern.sidelobe_level + LOCATED) / 20)) if pattern.directive else 0.0
+def _lobe(pattern: Pattern) -> float:
+    """Amplitude of the pattern that tells directions apart: over all sidelobes, or well over what all beams see."""
+    level = min(pattern.sidelobe_level, pattern.floor + 20 * np.log10(MARGIN)) + LOCATED
+    return float(10 ** (level / 20)) if pattern.directive else 0.0
 
 
 def _located(found: NDArray[np.float64], pattern: Pattern, width: float) -> NDArray[np.bool_]:
@@ -159,7 +160,7 @@ def _located(found: NDArray[np.float64], pattern: Pattern, width: float) -> NDAr
     A path far above or below the fan is seen through the sidelobes, alike by all beams; its delay is right, its angle
     is not known. Nor is that of what the pattern does not fit.
     """
-    seen = found[:, component.OFF_BORESIGHT] > _main_lobe(pattern)
+    seen = found[:, component.OFF_BORESIGHT] > _lobe(pattern)
     located: NDArray[np.bool_] = seen & ~(found[:, component.VAR_AZIMUTH] > (width / 2) ** 2)
     return located
 
