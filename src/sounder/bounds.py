@@ -112,6 +112,7 @@ def cramer_rao(
     band: Band,
     *,
     phases: Phases = "own",
+    drift: float = 0.0,
 ) -> xr.Dataset:
     """Least standard deviations with which the paths of a position can be known, all of them unknown at once.
 
@@ -129,6 +130,9 @@ def cramer_rao(
     phases : {"own", "shared"}
         Unknown for every path in every direction, as the phase centre turns with the horn; or one unknown for every
         direction and one for every path, if only cables and oscillators drift.
+    drift : float
+        The clock wanders: a random walk with steps of this standard deviation [s] from one direction to the next, in
+        the order of the scan (azimuths first), 0 at the first direction. Its prior is information (a hybrid bound).
 
     Returns
     -------
@@ -157,7 +161,8 @@ def cramer_rao(
 
     wanted = [i for i, known in enumerate([False, scan[0].size == 1, scan[1].size == 1, False]) if not known]
     kept = [i * count + p for i in wanted for p in range(count)]
-    left = _without_phases(information, kept, count, phases)
+    walk = _walk(scan[0].size, scan[1].size, drift)
+    left = _without_phases(information, kept, count, phases, walk)
     std = np.full((4, count), np.nan)
     std[wanted] = np.sqrt(_variances(left)[: len(kept)]).reshape(len(wanted), count)
     return xr.Dataset(
@@ -206,8 +211,19 @@ def _slopes(path_azimuth: Real, path_elevation: Real, azimuth: Real, elevation: 
     return np.stack([by_azimuth * g, by_elevation * g, g])
 
 
-def _without_phases(information: Real, kept: list[int], count: int, phases: Phases) -> Real:
-    """Information left about the parameters ``kept``, and with shared phases about those between paths after them."""
+def _walk(azimuths: int, elevations: int, step: float) -> Real:
+    """Covariance (direction, direction) [s2] of a random walk in the order of the scan; directions azimuth-major."""
+    order = np.arange(azimuths * elevations).reshape(elevations, azimuths).T.ravel()
+    walk: Real = step**2 * np.minimum.outer(order, order).astype(float)
+    return walk
+
+
+def _without_phases(information: Real, kept: list[int], count: int, phases: Phases, walk: Real) -> Real:
+    """Information left about the parameters ``kept``, and with shared phases about those between paths after them.
+
+    What shifts all delays of a direction, of covariance ``C``, takes ``W (C^-1 + diag(d))^-1 W^T``: with ``u`` 1 for
+    every delay, the columns of ``W`` are ``F_b u`` and ``d_b = u^T F_b u``.
+    """
     own = [4 * count + p for p in range(count)]
     if phases == "own":
         wanted, unwanted = np.eye(5 * count)[kept], np.eye(5 * count)[own]
@@ -220,7 +236,10 @@ def _without_phases(information: Real, kept: list[int], count: int, phases: Phas
     # Against what there would be if the phases were known, or rounding would be taken for knowledge.
     known = np.sqrt(np.einsum("bii->i", wanted @ information @ wanted.T))
     scale = np.where(known > 0, known, 1)
-    return np.stack([left.sum(axis=0) / np.outer(scale, scale), np.diag(1 / scale)])
+    delays = (np.arange(len(wanted)) < count).astype(float)  # they come first
+    shifted = left @ delays
+    taken = shifted.T @ walk @ np.linalg.solve(np.eye(len(walk)) + (shifted @ delays)[:, None] * walk, shifted)
+    return np.stack([(left.sum(axis=0) - taken) / np.outer(scale, scale), np.diag(1 / scale)])
 
 
 def _variances(information: Real) -> Real:

@@ -19,15 +19,15 @@ Real = NDArray[np.float64]
 
 
 def tabulate(
-    found: Real, noise: Real, filter_: Deembedding, sounder: Sounder, distance: float, *, fans: bool
+    found: Real, noise: Real, filter_: Deembedding, sounder: Sounder, distance: float, *, wider: Real, fans: bool
 ) -> xr.Dataset:
     """Table of the paths found.
 
     The covariance is that of the least-squares fits, with the larger of the noise power and the fit's own residual as
     variance. The delay's is ``P V / sum_b a_b^2`` with the path's amplitude ``a_b`` in a beam, ``P`` the noise power
     or what the fit left around the path, and ``V`` of :class:`sounder.matched.Matched`; with a phase of its own in
-    every beam it is independent of the others. Those of elevation and gain reach, besides, to directions outside the
-    fan that the beams do not exclude.
+    every beam it is independent of the others. Both are widened for other paths found within the pulse. Those of
+    elevation and gain reach, besides, to directions outside the fan that the beams do not exclude.
 
     Parameters
     ----------
@@ -40,6 +40,8 @@ def tabulate(
         For the gain of the receive antenna and the carrier.
     distance : float
         Direct distance [m].
+    wider : array (mpc, 2)
+        From :func:`sounder.overlap.widening`.
     fans : bool
         Whether the scan has several elevations.
 
@@ -61,7 +63,7 @@ def tabulate(
     earliest = distance / c - DIRECT_GUARD
     delay = earliest + (delay - earliest) % period
     gain = 20 * np.log10(amplitude) - sounder.rx_antenna.gain
-    covariance = _covariance(found, noise[beam], filter_)
+    covariance = _covariance(found, noise[beam], filter_, wider)
     if not fans:
         covariance[:, 2, :] = covariance[:, :, 2] = np.nan
     values = {
@@ -104,20 +106,21 @@ def _misfit(found: Real, noise: Real) -> Real:
     return both
 
 
-def _covariance(found: Real, noise: Real, filter_: Deembedding) -> Real:
+def _covariance(found: Real, noise: Real, filter_: Deembedding, wider: Real) -> Real:
     """Covariance (mpc, 4, 4) of delay [s], azimuth, elevation [degree] and gain [dB]."""
     energy = found[:, component.AMPLITUDE] ** 2 * found[:, component.ENERGY]
     around = np.maximum(noise, found[:, component.LEFT_OVER])
     per_amplitude = NEPER / found[:, component.AMPLITUDE]
     covariance = np.zeros((len(found), 4, 4))
-    covariance[:, 0, 0] = around * filter_.matched.delay_variance / energy / filter_.sample_rate**2
-    covariance[:, 1, 1] = found[:, component.VAR_AZIMUTH]
-    covariance[:, 2, 2] = found[:, component.VAR_ELEVATION]
-    covariance[:, 3, 3] = found[:, component.VAR_AMPLITUDE] * per_amplitude**2
-    for i, j, column, scale in (
-        (1, 2, component.AZIMUTH_ELEVATION, 1.0),
-        (1, 3, component.AZIMUTH_AMPLITUDE, per_amplitude),
-        (2, 3, component.ELEVATION_AMPLITUDE, per_amplitude),
+    covariance[:, 0, 0] = wider[:, 0] * around * filter_.matched.delay_variance / energy / filter_.sample_rate**2
+    up, stronger = found[:, component.ELEVATION_SPREAD], found[:, component.AMPLITUDE_SPREAD]
+    for i, j, column, scale, spread in (
+        (1, 1, component.VAR_AZIMUTH, 1.0, 0.0),
+        (2, 2, component.VAR_ELEVATION, 1.0, up**2),
+        (3, 3, component.VAR_AMPLITUDE, per_amplitude**2, stronger**2),
+        (1, 2, component.AZIMUTH_ELEVATION, 1.0, 0.0),
+        (1, 3, component.AZIMUTH_AMPLITUDE, per_amplitude, 0.0),
+        (2, 3, component.ELEVATION_AMPLITUDE, per_amplitude, up * stronger),
     ):
-        covariance[:, i, j] = covariance[:, j, i] = found[:, column] * scale
+        covariance[:, i, j] = covariance[:, j, i] = (wider[:, 1] * (found[:, column] - spread) + spread) * scale
     return covariance

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from erm.errors import DataError
+from sounder.antenna_files import read_cut
 from sounder.antenna_tables import Antenna, Positive, Table
 
 
@@ -243,19 +244,5 @@ def load(path: Path | str) -> Sounder:
     tables = read_toml(path)
     for antenna in (tables.get("tx_antenna"), tables.get("rx_antenna")):
         if isinstance(antenna, dict) and isinstance(antenna.get("cut"), str):
-            antenna["cut"] = _read_cut(Path(path).parent / antenna["cut"])
+            antenna["cut"] = read_cut(Path(path).parent / antenna["cut"])
     return parse(tables, str(path))
-
-
-def _read_cut(path: Path) -> dict[str, list[float]]:
-    header = "angle,azimuth,elevation"
-    try:
-        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-        rows = [[float(field) for field in line.split(",")] for line in lines[1:] if line.strip()]
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}; expected an antenna cut (CSV: {header})") from None
-    except ValueError as error:
-        raise DataError(f"{path}: {error}; expected numbers under the header {header}") from None
-    if not lines or lines[0].strip() != header or any(len(row) != 3 for row in rows):
-        raise DataError(f"{path}: not an antenna cut; expected CSV with the header {header}")
-    return {name: [row[i] for row in rows] for i, name in enumerate(header.split(","))}

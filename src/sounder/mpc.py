@@ -7,6 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sounder.antenna import Pattern
+from sounder.bounds import Band
 from sounder.calibration import Deembedding
 from sounder.component_table import tabulate
 from sounder.config import Sounder
@@ -16,6 +17,7 @@ from sounder.kernels.cancel import cancel
 from sounder.kernels.peaks import Limits, search_of
 from sounder.kernels.view import View, beams_of, table_of
 from sounder.matched import OVER, Matched
+from sounder.overlap import widening
 
 Threshold = Literal["usc", "nyu"]
 Method = Literal["sage", "clean", "peaks"]
@@ -104,7 +106,9 @@ def extract(
     count, complete = cancel(beams, view, limits, effort, work, search_of(beams, work), found, taken)
     found = found[:count][np.argsort(-found[:count, component.AMPLITUDE])]
     located = _located(found, pattern, width_azimuth)
-    table = tabulate(found[located], noise, filter_, sounder, distance, fans=elevation.size > 1)
+    snr = (MARGIN * found[:, component.AMPLITUDE]) ** 2 / noise[found[:, component.BEAM].astype(int)]
+    wider = widening(found, snr, (azimuth, elevation), pattern, Band.of(filter_), filter_.sample_rate)[located]
+    table = tabulate(found[located], noise, filter_, sounder, distance, wider=wider, fans=elevation.size > 1)
     facts = {"threshold": threshold, "method": method, "complete": int(complete)}
     return table.assign_attrs(facts, paths_outside_fan=int((~located).sum()))
 
@@ -148,9 +152,10 @@ def _leftover(pattern: Pattern, *, takes: bool) -> NDArray[np.float64]:
     return np.array([LEFTOVER, MARGIN, 10 ** (pattern.sidelobe_level / 20) if pattern.directive else 0.0])
 
 
-def _main_lobe(pattern: Pattern) -> float:
-    """Amplitude of the pattern that only the main lobe has."""
-    return float(10 ** ((pattern.sidelobe_level + LOCATED) / 20)) if pattern.directive else 0.0
+def _lobe(pattern: Pattern) -> float:
+    """Amplitude of the pattern that tells directions apart: over all sidelobes, or well over what all beams see."""
+    level = min(pattern.sidelobe_level, pattern.floor + 20 * np.log10(MARGIN)) + LOCATED
+    return float(10 ** (level / 20)) if pattern.directive else 0.0
 
 
 def _located(found: NDArray[np.float64], pattern: Pattern, width: float) -> NDArray[np.bool_]:
@@ -159,7 +164,7 @@ def _located(found: NDArray[np.float64], pattern: Pattern, width: float) -> NDAr
     A path far above or below the fan is seen through the sidelobes, alike by all beams; its delay is right, its angle
     is not known. Nor is that of what the pattern does not fit.
     """
-    seen = found[:, component.OFF_BORESIGHT] > _main_lobe(pattern)
+    seen = found[:, component.OFF_BORESIGHT] > _lobe(pattern)
     located: NDArray[np.bool_] = seen & ~(found[:, component.VAR_AZIMUTH] > (width / 2) ** 2)
     return located
 

@@ -239,3 +239,17 @@ def test_maximum_likelihood_reaches_the_bound(late, aside, shared):
     measured = np.sqrt(np.mean(np.square(errors), axis=0)).T * [[1], [1], [1], [20 / np.log(10)]]
     ratio = measured / bound
     assert (np.abs(ratio - 1) < 4 / np.sqrt(160)).all(), ratio
+
+
+def test_a_clock_that_wanders_adds_its_walk():
+    """Delays ``d_b = tau + D_b + n_b``: ``var(tau) = 1 / (1^T (diag(v) + C)^-1 1)``; angles know nothing of it."""
+    step, path = 1e-12, (1e-7, 33.0, 4.0, 40.0)
+    still, wandering = (std(paths(path), CIRCLE, FAN, HORN, CHIP, drift=drift) for drift in (0.0, step))
+    np.testing.assert_allclose(wandering[1:], still[1:])
+    power = 10 ** (gains([33.0], [4.0], CIRCLE, FAN, HORN)[0] / 10)
+    alone = still[0, 0] ** 2 * power.sum() / power  # each direction by itself
+    when = np.array([e * CIRCLE.size + a for a in range(CIRCLE.size) for e in range(FAN.size)])
+    walk = step**2 * np.minimum.outer(when, when)
+    together = np.linalg.solve(np.diag(alone) + walk, np.ones(when.size)).sum()
+    assert wandering[0, 0] == pytest.approx(together**-0.5, rel=1e-9)
+    assert wandering[0, 0] > 1.3 * still[0, 0]

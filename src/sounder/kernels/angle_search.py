@@ -2,11 +2,11 @@
 
 import math
 
-from sounder.kernels import beam_fit
-from sounder.kernels.beam_fit import fit_angles
+from sounder.kernels.beam_fit import AMPLITUDE, AZIMUTH, ELEVATION, fit_angles
 from sounder.kernels.compile import part
 from sounder.kernels.component import AMPLITUDE_SPREAD, ELEVATION_SPREAD, NEAR, STARTS, Real, Work
 from sounder.kernels.delay_fit import magnitude_variance
+from sounder.kernels.far_beams import judge
 from sounder.kernels.view import (
     AROUND,
     BEAMWIDTH,
@@ -23,8 +23,12 @@ from sounder.kernels.view import (
     pattern,
 )
 
+COST, HEARD = 3, 4
+"""Columns of `Work.tried` after azimuth, elevation and amplitude: squared residuals, and the far beams' judgement."""
 PLAUSIBLE = 9.0
 """Squared residuals, in variances, by which another direction may fit worse without being excluded: 3 deviations."""
+TOLD = 4.0
+"""Squared deviations by which the far beams must speak for another direction before they are believed: 2."""
 CLEARLY = 0.25
 """Residual power, relative to that of a fit from the beam's own direction, at which a fit from outside the fan wins."""
 EXPLORE, SETTLE = 8.0, 20.0
@@ -40,9 +44,7 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
     """Fit the angles; at the edge of the fan from several directions. ``work.bounds`` are those of the best fit.
 
     Beyond the edge the pattern's floor makes further minima: start from several angles, the beam's own first, and that
-    one kept within half its power. One further out must fit clearly and surely better: neither interference nor noise
-    must turn a weak path into a strong one out there. What is not excluded by three deviations is an error of the
-    result, and how far it lies is kept in ``row``.
+    one kept within half its power.
     """
     azimuth, elevation = view.beam[b, LOOK_AZIMUTH], view.beam[b, LOOK_ELEVATION]
     lowest, highest, reach = view.limits[LOWEST], view.limits[HIGHEST], view.limits[REACH]
@@ -51,10 +53,7 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
     outward = 1.0 if top else -1.0
     starts = STARTS if work.free[1] > 0.0 and (top or row_of_scan == 0) else 1
     edge = elevation + 0.5 * outward * view.limits[BEAMWIDTH]
-    best = inside = math.inf
-    first = elevation
-    a0, a1, low, high, amplitude = azimuth, elevation, lowest, highest, 0.0
-    angles = work.fit
+    angles, tried = work.fit, work.tried
     for start in range(starts):
         tilt, turn = (start + 2) // 3, start % 3 - 1 if start else 0
         angles[0] = azimuth + 0.4 * turn * reach
@@ -64,42 +63,86 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
         lower = edge if within_fan and outward < 0 else lowest
         upper = edge if within_fan and outward > 0 else highest
         bound(b, view, work, lower, upper)
-        cost = fit_angles(
+        tried[start, COST] = fit_angles(
             view, work.magnitude, work.near, magnitude_variance(view, b), work.bounds, work.free, EXPLORE, angles
         )
-        work.tried[start, 0], work.tried[start, 1], work.tried[start, 2] = angles[1], angles[2], cost
-        aim(angles[0], angles[1], work.direction)
-        seen = pattern(view, work.direction, b, work.slopes)
-        surely = cost < inside - SURELY * view.beam[b, NOISE] / seen
-        if start == 0 or outward * (angles[1] - edge) <= 0.0:
-            accepted = start == 0 or outward * (angles[1] - first) <= 0.0 or surely
-            if accepted and cost < inside:
-                inside = cost
-        else:
-            accepted = surely and cost < CLEARLY * inside
-        if start == 0:
-            first = angles[1]
-        if accepted and cost < best:
-            best, amplitude = cost, angles[2]
-            a0, a1, low, high = angles[0], angles[1], lower, upper
-    angles[0], angles[1] = a0, a1
-    bound(b, view, work, low, high)
+        for column in range(3):
+            tried[start, column] = angles[column]
+        tried[start, HEARD] = judge(view, work) if starts > 1 else 0.0
+    best = _choose(b, view, work, starts, outward, edge, row)
+    angles[0], angles[1] = tried[best, AZIMUTH], tried[best, ELEVATION]
+    within_fan = best == 0 and starts > 1
+    lower = edge if within_fan and outward < 0 else lowest
+    upper = edge if within_fan and outward > 0 else highest
+    bound(b, view, work, lower, upper)
+
+
+@part
+def _choose(b: int, view: View, work: Work, starts: int, outward: float, edge: float, row: Real) -> int:
+    """Choose among the directions tried; what is not excluded is an error of the result, kept in ``row``.
+
+    A direction further out than the beam's own half power must fit clearly and surely better than the best within:
+    neither interference nor noise must turn a weak path into a strong one out there. Or the far beams must speak for
+    it, and not against it.
+    """
+    tried, inside, best = work.tried, 0, -1
+    noise = view.beam[b, NOISE]
+    for start in range(1, starts):
+        out = outward * tried[start, ELEVATION]
+        if out <= outward * edge and tried[start, COST] < tried[inside, COST]:
+            nearer = out <= outward * tried[0, ELEVATION]
+            if nearer or tried[start, COST] < tried[inside, COST] - SURELY * noise / _seen(b, view, work, start):
+                inside = start
+    variance = _variance(view, work, b, tried[inside, COST])
+    silent = tried[inside, HEARD] if tried[inside, HEARD] < PLAUSIBLE else PLAUSIBLE
+    for start in range(1, starts):
+        cost, heard = tried[start, COST], silent - tried[start, HEARD]
+        if outward * tried[start, ELEVATION] <= outward * edge or heard < -PLAUSIBLE:
+            continue
+        fits = cost < CLEARLY * tried[inside, COST]
+        fits = fits and cost < tried[inside, COST] - SURELY * noise / _seen(b, view, work, start)
+        told = heard > TOLD and cost < tried[inside, COST] + variance * heard
+        if (told or fits) and (best < 0 or _total(work, start, variance) < _total(work, best, variance)):
+            best = start
+    if best < 0:
+        best = inside
+    variance = _variance(view, work, b, tried[best, COST])
+    most = _total(work, best, variance) + PLAUSIBLE * variance
+    row[ELEVATION_SPREAD] = row[AMPLITUDE_SPREAD] = 0.0
+    for start in range(starts):
+        if _total(work, start, variance) < most:
+            further = tried[start, ELEVATION] - tried[best, ELEVATION]
+            stronger = tried[best, AMPLITUDE] * math.log(tried[start, AMPLITUDE] / tried[best, AMPLITUDE])
+            if abs(further) > abs(row[ELEVATION_SPREAD]):
+                row[ELEVATION_SPREAD] = further
+            if abs(stronger) > abs(row[AMPLITUDE_SPREAD]):
+                row[AMPLITUDE_SPREAD] = stronger
+    return best
+
+
+@part
+def _total(work: Work, start: int, variance: float) -> float:
+    """Squared residuals of a direction tried in the beams about it, and in those far from it."""
+    return work.tried[start, COST] + variance * work.tried[start, HEARD]
+
+
+@part
+def _seen(b: int, view: View, work: Work, start: int) -> float:
+    """Amplitude of a beam's pattern toward a direction tried."""
+    aim(work.tried[start, AZIMUTH], work.tried[start, ELEVATION], work.direction)
+    return pattern(view, work.direction, b, work.slopes)
+
+
+@part
+def _variance(view: View, work: Work, b: int, cost: float) -> float:
+    """Variance of the magnitudes: the larger of the noise's and what a fit left."""
     left = -2.0
     for i in range(NEAR):
         if work.near[i] < 0:
             break
         left += 1.0
     variance = magnitude_variance(view, b)
-    if left > 1.0 and best / (left - 1.0) > variance:
-        variance = best / (left - 1.0)
-    row[ELEVATION_SPREAD] = row[AMPLITUDE_SPREAD] = 0.0
-    for start in range(starts):
-        if work.tried[start, 2] < best + PLAUSIBLE * variance:
-            further, stronger = work.tried[start, 0] - a1, work.tried[start, 1] - amplitude
-            if abs(further) > abs(row[ELEVATION_SPREAD]):
-                row[ELEVATION_SPREAD] = further
-            if abs(stronger) > abs(row[AMPLITUDE_SPREAD]):
-                row[AMPLITUDE_SPREAD] = stronger
+    return cost / (left - 1.0) if left > 1.0 and cost / (left - 1.0) > variance else variance
 
 
 @part
@@ -140,7 +183,7 @@ def bound(b: int, view: View, work: Work, lower: float, upper: float) -> None:
 @part
 def weigh(view: View, work: Work) -> float:
     """Weigh the beams of the fit with their patterns toward its direction; return the sum of squares."""
-    aim(work.fit[beam_fit.AZIMUTH], work.fit[beam_fit.ELEVATION], work.direction)
+    aim(work.fit[AZIMUTH], work.fit[ELEVATION], work.direction)
     energy = 0.0
     for i in range(NEAR):
         if work.near[i] < 0:

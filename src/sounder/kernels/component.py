@@ -46,6 +46,7 @@ class Work(NamedTuple):
     direction: Real
     slopes: Real
     tried: Real
+    far: Real
 
 
 def work_of(view: View) -> Work:
@@ -56,5 +57,5 @@ def work_of(view: View) -> Work:
         np.empty(matched, complex),
         np.empty(matched, complex),
         np.empty(NEAR + 1, np.int64),
-        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, RESULTS, 4, 2, (STARTS, 3))),
+        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, RESULTS, 4, 2, (STARTS, 5), (view.beam.shape[0], 3))),
     )

@@ -28,6 +28,7 @@ from sounder.kernels.component import (
     Work,
 )
 from sounder.kernels.delay_fit import climb, magnitude_variance, measure, tune
+from sounder.kernels.far_beams import listen
 from sounder.kernels.pulse import add, match, power_around, sample
 from sounder.kernels.view import NOISE, OVER, View, aim, pattern
 
@@ -48,6 +49,7 @@ def fit(beams: Beams, view: View, work: Work, row: Real) -> None:
         delay = climb(beams, view, work, delay, 0.5)
         neighbours(b, view, work)
         measure(beams, view, work, delay)
+        listen(beams, view, work, b, delay)
         search_angles(b, view, work, row)
     else:
         neighbours(b, view, work)
