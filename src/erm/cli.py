@@ -1,6 +1,7 @@
 """Command line: MPCs to a map, a map to its score, a map to the paths it predicts, the letter redone."""
 
 import math
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +11,7 @@ import typer
 from erm import console
 from erm.cli_export import export
 from erm.errors import DataError
+from erm.storage import spare_inputs
 
 app = typer.Typer(
     add_completion=False,
@@ -62,6 +64,7 @@ def reconstruct(
     ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
 ) -> None:
     """Reconstruct the walls that reflected the components."""
+    spare_inputs((out, rps, figure), mpcs)
     _require_suffix(rps, ".csv")
     _require_suffix(figure, ".png", ".pdf", ".svg")
     import numpy as np
@@ -106,7 +109,7 @@ def reconstruct(
     if "delay_std" in merged.attrs:
         errors = merged.attrs["delay_std"] * 1e9, merged.attrs["azimuth_std"]
         source = merged.attrs["errors_from"]
-        print(f"errors: {errors[0]:.2g} ns, {errors[1]:.2g} degrees, typically; by {source} and residuals")
+        print(f"typical errors: {errors[0]:.2g} ns, {errors[1]:.2g} degrees; from {source} and the residuals")
     console.complain(complaints)
 
 
@@ -214,6 +217,8 @@ def predict(
     from erm.mpc_table import make_table, write_csv
     from erm.trace import trace
 
+    spare_inputs((out,), (environment,))
+    _require_suffix(out, ".csv")
     if tx == rx:
         raise DataError(f"TX and RX are both at {tx}; expected two places")
     paths = trace(Environment.read(environment), tx, rx, frequency, max_order=max_order)
@@ -227,6 +232,8 @@ def predict(
         ["delay [ns]", "azimuth [degree]", "elevation [degree]", "path gain [dB]", "reflections"],
         ([*map(_number, row[:-1]), int(row[-1])] for row in zip(*columns, strict=True)),
     )
+    if not paths.sizes["path"]:
+        print(f"no path of at most {console.counted(max_order, 'reflection')} from TX to RX", file=sys.stderr)
 
 
 @app.command()

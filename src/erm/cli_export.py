@@ -40,9 +40,11 @@ def export(
 
     from erm.environment import Environment
     from erm.georeference import Georeference
+    from erm.storage import spare_inputs
 
     if origin is None and (origin_height or heading):
         raise typer.BadParameter("--origin-height and --heading need --origin LATITUDE LONGITUDE")
+    spare_inputs((out,), (environment,))
     place = Environment.read(environment)
     if origin is not None:
         place = replace(place, georeference=Georeference(*origin, origin_height, heading))

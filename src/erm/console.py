@@ -1,9 +1,11 @@
 """What both command lines share: tables, complaints, progress, figures saved whole, exit codes."""
 
+import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING
 
 from erm.errors import DataError
@@ -19,7 +21,8 @@ INTERRUPTED = 130
 
 
 def run(app: "typer.Typer") -> None:
-    """Run a command line: exit with 0 if all is done, 1 if something in the data failed, 2 on wrong usage."""
+    """Run a command line: exit with 0 if all is done, 1 if data failed, 2 on wrong usage, 130 after Ctrl-C."""
+    signal.signal(signal.SIGINT, _interrupt)
     try:
         app()
     except DataError as error:
@@ -29,6 +32,22 @@ def run(app: "typer.Typer") -> None:
         if stop.code == INTERRUPTED:
             print("interrupted; what was finished is whole, the rest is not there", file=sys.stderr)
         raise
+
+
+_interrupted = Event()
+
+
+def _interrupt(number: int, frame: object) -> None:
+    """Raise KeyboardInterrupt, and note that it was: what is raised within a callback of a library is lost."""
+    _interrupted.set()
+    signal.default_int_handler(number, None)
+
+
+def _go_on() -> None:
+    """Raise KeyboardInterrupt again where one was lost."""
+    if _interrupted.is_set():
+        _interrupted.clear()
+        raise KeyboardInterrupt
 
 
 def add_version(app: "typer.Typer") -> None:
@@ -101,7 +120,7 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
 def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
     """Yield a function that advances a bar by one; nothing is shown unless stderr is a terminal."""
     if not sys.stderr.isatty():
-        yield lambda: None
+        yield _go_on
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -109,4 +128,9 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=total)
-        yield lambda: bar.advance(task)
+
+        def advance() -> None:
+            bar.advance(task)
+            _go_on()
+
+        yield advance

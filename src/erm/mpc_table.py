@@ -89,8 +89,12 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
     """
     import xarray as xr
 
-    tables, complaints = [], []
+    tables, complaints, seen = [], [], set()
     for path in map(Path, paths):
+        if path.resolve() in seen:
+            complaints.append(f"{path}: given twice; counted once")
+            continue
+        seen.add(path.resolve())
         try:
             table, problems = read_csv(path) if path.suffix.lower() == ".csv" else read_product(path)
         except DataError as error:

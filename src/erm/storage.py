@@ -146,13 +146,27 @@ def require_file(path: Path) -> None:
         raise DataError(f"{path}: no such file")
 
 
+def spare_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
+    """Refuse to write where something is read.
+
+    Raises
+    ------
+    DataError
+        An output is an input; None is no output.
+    """
+    read = {path.resolve() for path in inputs}
+    for output in outputs:
+        if output is not None and output.resolve() in read:
+            raise DataError(f"{output}: is an input, which would be replaced; choose another output")
+
+
 def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
     """Load one group of a product into memory and close the file.
 
     Raises
     ------
     DataError
-        The file is missing, is not HDF5, or has no such group.
+        The file is missing, is not HDF5 or only a part of it, or has no such group.
     """
     import h5py  # imported slowly: --help must not pay for it
     import xarray as xr
@@ -161,9 +175,12 @@ def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
     require_file(path)
     if not h5py.is_hdf5(path):
         raise DataError(f"{path}: not an HDF5 file; expected a product of this software")
-    with h5py.File(path, "r") as file:
-        present = group in file
-    if not present:
-        raise DataError(f"{path}: has no group {group}; expected a product of this software")
-    with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
-        return dataset.load()
+    try:
+        with h5py.File(path, "r") as file:
+            present = group in file
+        if not present:
+            raise DataError(f"{path}: has no group {group}; expected a product of this software")
+        with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
+            return dataset.load()
+    except OSError as error:
+        raise DataError(f"{path}: damaged HDF5 file ({error}); make or copy it anew") from None

@@ -10,6 +10,7 @@ import typer
 
 from erm import console
 from erm.errors import DataError
+from erm.storage import spare_inputs
 
 if TYPE_CHECKING:
     from sounder.position import Outcome
@@ -252,6 +253,8 @@ def score(
 
     if out and out.suffix.lower() in (".csv", ".h5", ".json", ".png", ".pdf"):
         raise typer.BadParameter(f"--out is a folder, for a table and figures; {out} looks like a file")
+    if out:
+        spare_inputs((out / "paths.csv",), (*products, truth))
     gates = Gates(delay_gate, azimuth_gate, elevation_gate, gain_gate)
     judged, complaints = score_products(products, truth, gates=gates, dynamic_range=dynamic_range, least_snr=least_snr)
     summary = judged.summary()

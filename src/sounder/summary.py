@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from erm.console import counted
 from erm.errors import DataError
 from erm.storage import open_group
 from sounder.config import Sounder
 from sounder.correlate import CLIPPED, clipped
 from sounder.readers import native, open_recordings
 from sounder.recording import BackToBack, Recording
-from sounder.waveform import identify
+from sounder.waveform import identify, is_described
 
 Lines = list[tuple[str, str]]
 
@@ -107,6 +108,10 @@ def describe_back_to_back(b2b: BackToBack) -> Lines:
             f"order {found.order}, polynomial {list(found.polynomial)} {found.direction}, {found.polarity}, "
             f"{found.samples_per_chip} samples a chip; {found.margin:.1f} dB over the next"
         )
+        described = b2b.sounder.waveform
+        told = f"order {described.order}, polynomial {list(described.polynomial)} {described.direction}"
+        agrees = f"the same as the described {told}" if is_described(found, described) else f"not the described {told}"
+        sequence = f"{sequence}; {agrees}"
     except DataError as error:
         sequence = str(error)
     measured = "measured S21" if b2b.s21 is not None else "nominal"
@@ -133,7 +138,10 @@ def _product(path: Path) -> Lines:
         ("directions", f"{daps.sizes['azimuth']} azimuths x {daps.sizes['elevation']} elevations"),
         ("noise floor", f"{float(daps['noise_floor'].median()):.1f} dB (median over directions)"),
         ("MPCs", str(mpc.sizes["mpc"])),
-        ("outside the fan", f"{mpc.attrs['paths_outside_fan']} paths that only sidelobes saw, not among the MPCs"),
+        (
+            "outside the fan",
+            f"{counted(mpc.attrs['paths_outside_fan'], 'path')} that only sidelobes saw, not among the MPCs",
+        ),
         (
             "strongest",
             "none"

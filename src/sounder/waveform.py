@@ -111,6 +111,20 @@ class Identification:
     margin: float
 
 
+def is_described(found: Identification, waveform: Waveform) -> bool:
+    """Whether a sequence that was found is that of a description, but for its sign.
+
+    A sequence sent backwards is that of the reciprocal polynomial, exponents ``order - e`` for ``e``.
+    """
+
+    def forward(sequence: Identification | Waveform) -> list[int]:
+        exponents = sequence.polynomial
+        return sorted(sequence.order - e if sequence.direction == "reversed" else e for e in exponents)
+
+    same_rate = found.samples_per_chip == waveform.samples_per_chip
+    return same_rate and found.order == waveform.order and forward(found) == forward(waveform)
+
+
 def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) -> Identification:
     """Find polynomial, direction and polarity of the m-sequence in a back-to-back capture.
 

@@ -117,6 +117,31 @@ def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
     assert (told["error"], told["count"], told["rmse"]) == ("walls: offset [m]", "1", "0.00312")
 
 
+def test_an_input_is_never_replaced(tmp_path: Path, mpcs: Path, capsys):
+    out = tmp_path / "map.csv"
+    assert run("reconstruct", mpcs, "--out", out) == 0
+    before = mpcs.read_bytes(), out.read_bytes()
+    capsys.readouterr()
+    ends = ("--tx", -40, 3, 12, "--rx", 0, 0, 1.5)
+    for arguments, path in (
+        (("reconstruct", mpcs, "--out", mpcs), mpcs),
+        (("reconstruct", mpcs, "--out", tmp_path / "other.h5", "--rps", mpcs), mpcs),
+        (("predict", out, *ends, "--out", out), out),
+        (("export", out, "--out", out, "--origin", 48, 11), out),
+    ):
+        assert run(*arguments) == 1
+        assert capsys.readouterr().err == f"{path}: is an input, which would be replaced; choose another output\n"
+    assert (mpcs.read_bytes(), out.read_bytes()) == before
+    assert run("predict", out, *ends, "--out", tmp_path / "paths.geojson") == 1
+    assert "suffix '.geojson' is not supported; choose .csv" in capsys.readouterr().err
+
+
+def test_no_path_is_said(tmp_path: Path, capsys):
+    Environment.walls([[[-9, 5], [9, 5]]]).write(tmp_path / "map.h5")
+    assert run("predict", tmp_path / "map.h5", "--tx", 0, 0, 9, "--rx", 0, 9, 2) == 0
+    assert capsys.readouterr().err == "no path of at most 2 reflections from TX to RX\n"
+
+
 def test_a_suffix_that_is_not_known_is_told_before_anything_is_written(tmp_path: Path, mpcs: Path, capsys):
     out = tmp_path / "map.h5"
     for option, name in (("--rps", "points.xlsx"), ("--figure", "map.docx"), ("--figure", "map")):

@@ -1,5 +1,6 @@
 """Exit codes, tables, complaints and progress, on a terminal and in a pipe."""
 
+import signal
 import sys
 
 import pytest
@@ -102,3 +103,26 @@ def test_a_figure_is_saved_whole_or_told(tmp_path):
     with pytest.raises(DataError, match=r"x\.xyz: "):
         console.save_figure(figure, tmp_path / "x.xyz")
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
+
+
+def test_an_interrupt_that_a_library_swallows_is_raised_at_the_next_step(capsys):
+    steps = []
+
+    def body() -> None:
+        with console.progress("working", 3) as advance:
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                steps.append("swallowed")  # as by a callback out of compiled code
+            steps.append("first")
+            advance()
+            steps.append("second")
+
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        assert exit_code(body) == console.INTERRUPTED
+        assert exit_code(lambda: None) == 0  # it is told once
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert steps == ["swallowed", "first"]
+    assert "interrupted" in capsys.readouterr().err

@@ -93,6 +93,13 @@ def test_files_of_both_kinds_make_one_table_and_bad_ones_are_named(tmp_path: Pat
     assert all("\n" not in complaint for complaint in complaints)
 
 
+def test_a_file_given_twice_counts_once_and_is_told(tmp_path: Path):
+    path = product(tmp_path / "RX7.h5")
+    table, complaints = read_mpcs([path, tmp_path / "." / "RX7.h5", lines(tmp_path / "a.csv", GOOD)])
+    assert table.sizes["mpc"] == 3
+    assert complaints == [f"{path}: given twice; counted once"]
+
+
 def test_a_missing_column_is_named_with_the_header_that_would_be_right(tmp_path: Path):
     path = lines(tmp_path / "t.csv", header=HEADER.replace(",azimuth", ""))
     with pytest.raises(DataError, match="no column azimuth; expected the header position,los,"):

@@ -190,3 +190,13 @@ def test_what_is_no_product_is_told(tmp_path, content, group, told):
     with pytest.raises(DataError) as error:
         open_group(path, group)
     assert str(error.value) == f"{path}: {told}"
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_a_part_of_a_product_is_told(tmp_path, share):
+    whole, part = tmp_path / "whole.h5", tmp_path / "part.h5"
+    write_product(groups(), whole)
+    content = whole.read_bytes()
+    part.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(DataError, match=rf"^{part}: damaged HDF5 file \(.*\); make or copy it anew$"):
+        open_group(part)

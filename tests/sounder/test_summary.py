@@ -71,9 +71,19 @@ def test_back_to_back_tells_the_sequence_it_holds_not_the_described_one(descript
     made = twin.back_to_back(other, 60.0, faults=Faults.absent(dc_offset=DCOffset()))
     told = dict(describe_back_to_back(replace(made, sounder=sounder)))
     assert told["sequence found"].startswith("order 7, polynomial [7, 3, 0] forward, positive, 2 samples a chip; ")
+    assert told["sequence found"].endswith("; not the described order 7, polynomial [7, 1, 0] forward")
     assert told["attenuation"] == "60 dB (nominal)"
     silent = replace(made, captures=np.zeros_like(made.captures))
     assert "no m-sequence of order 7 stands out" in dict(describe_back_to_back(silent))["sequence found"]
+
+
+def test_a_sequence_is_the_same_as_that_of_the_reciprocal_polynomial_backwards(description):
+    one = {"azimuth": [0.0], "elevation": [0.0]}
+    described = description(waveform={**WAVEFORM, "polynomial": [7, 6, 0], "direction": "reversed"}, scan=one)
+    made = twin.back_to_back(described, 60.0, faults=Faults.absent(dc_offset=DCOffset()))
+    told = dict(describe_back_to_back(made))["sequence found"]
+    assert told.startswith("order 7, polynomial [7, 1, 0] forward, ")
+    assert told.endswith("; the same as the described order 7, polynomial [7, 6, 0] reversed")
 
 
 def test_a_file_of_another_kind_is_told(tmp_path, sounder):
