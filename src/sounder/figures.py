@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
@@ -125,12 +126,13 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
         above = daps["daps"].where(daps["daps"] > daps["noise_floor"] + 12).max("elevation")
         rings = max(int(outer / RINGS / float(daps["delay"][1] - daps["delay"][0])), 1)
         power = above.where(above > above.max() - RANGE).coarsen(delay=rings, boundary="trim").max()
-        angle, radius, values = _sectors(power)
-        mesh = ax.pcolormesh(angle, radius * 1e9, values.T, cmap=colours, alpha=(1.0, 0.8)[index], rasterized=True)
-        np.add.at(crowd, np.degrees(angle[:-1]).astype(int) % 360, np.isfinite(values).sum(axis=1))
-        if np.isfinite(values).any():
+        corners, values = _sectors(power)
+        drawn = PolyCollection(list(corners * (1, 1e9)), array=values, cmap=colours, alpha=(1.0, 0.8)[index])
+        ax.add_collection(drawn)
+        np.add.at(crowd, np.degrees(corners[..., 0]).astype(int) % 360, 1)
+        if values.size:
             _figure(ax).colorbar(
-                mesh,
+                drawn,
                 ax=ax,
                 label=f"{name}: path gain incl. RX antenna (dB)",
                 location=("right", "left")[index],
@@ -190,18 +192,17 @@ def _quietest(crowd: NDArray[np.float64]) -> float:
     return float(between[np.argmin(crowd[around].sum(axis=1))])
 
 
-def _sectors(power: xr.DataArray) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[Any]]:
-    """Corners of the sectors around each azimuth and delay, and their values (azimuth, delay).
+def _sectors(power: xr.DataArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners (sector, corner, 2) of the sectors of azimuth and delay [rad, s] that have a power, and that (sector,).
 
-    Sectors are cut into arcs of about a degree, since a polar mesh draws straight edges; between two sectors stands an
-    empty one, of no width unless the scan has a gap.
+    Arcs are cut into pieces of about a degree, since polygons have straight edges.
     """
     azimuth, delay = power["azimuth"].values, power["delay"].values
+    looks, bins = np.nonzero(np.isfinite(power.values))
     half = min(_half_step(azimuth), 180.0)
-    parts = max(int(2 * half), 1)
-    angle = np.radians(azimuth[:, None] + np.linspace(-half, half, parts + 1)).ravel()
-    step = delay[1] - delay[0]
-    radius = np.append(delay - step / 2, delay[-1] + step / 2).clip(0)
-    values = np.repeat(power.values[:, None], parts + 1, axis=1)
-    values[:, -1] = np.nan
-    return angle, radius, values.reshape(angle.size, -1)[:-1]
+    arc = np.radians(azimuth[looks, None] + np.linspace(-half, half, max(int(2 * half), 1) + 1))
+    step = (delay[1] - delay[0]) * np.array([-0.5, 0.5])
+    inner, outer = (delay[bins, None] + step).clip(0).T
+    angle = np.hstack([arc, arc[:, ::-1]])
+    radius = np.repeat(np.stack([outer, inner], axis=1), arc.shape[1], axis=1)
+    return np.stack([angle, radius], axis=-1), power.values[looks, bins]

@@ -87,14 +87,14 @@ def test_a_legend_hides_nothing():
 
 def test_polar_shows_a_path_where_it_came_from(polar):
     axes = figures.daps_polar([("RX1", product())], polar)
-    mesh = axes.collections[0]
-    angle, radius = np.asarray(mesh.get_coordinates()).transpose(2, 0, 1)
-    shown = ~np.ma.getmaskarray(mesh.get_array())
-    assert mesh.get_array().max() == -100
-    beam = np.degrees(angle[:-1, :-1][shown])
-    assert set(np.unique(np.floor((beam + 5) / 10)) * 10) == {60, 240}
+    sectors = axes.collections[0]
+    assert sectors.get_array().max() == -100
+    corners = np.array([path.vertices[:-1] for path in sectors.get_paths()])  # the last closes the path
+    middle = np.degrees(corners[..., 0].mean(axis=1))
+    assert sorted(set(np.round(middle, 6))) == [60, 240]
+    assert np.ptp(corners[..., 0], axis=1) == pytest.approx(np.full(len(corners), np.radians(10)))
     # rings are a hundredth of the radius or a sample
-    at = radius[:-1, :-1][shown]
+    at = corners[..., 1].min(axis=1)
     assert sorted(np.unique(at)) == pytest.approx([150, 300], abs=330 / figures.RINGS + 1)
     assert axes.get_xlabel() == "Angle: azimuth of arrival; radius: delay (ns)"
     # the bar spans what is drawn, not what could be
@@ -132,12 +132,9 @@ def test_labels_of_the_radius_stand_where_least_is_drawn(polar):
 
 def test_a_gap_of_the_scan_stays_empty(polar):
     axes = figures.daps_polar([("RX1", product(((100.0, 20.0, -90.0),), azimuth=[0, 10, 20, 60, 70]))], polar)
-    mesh = axes.collections[0]
-    angle = np.degrees(np.asarray(mesh.get_coordinates())[:-1, :-1, 0])
-    end = np.degrees(np.asarray(mesh.get_coordinates())[:-1, 1:, 0])
-    shown = ~np.ma.getmaskarray(mesh.get_array())
-    assert angle[shown].min() == pytest.approx(15)
-    assert end[shown].max() == pytest.approx(25)
+    corners = np.degrees(np.concatenate([path.vertices[:, 0] for path in axes.collections[0].get_paths()]))
+    assert corners.min() == pytest.approx(15)
+    assert corners.max() == pytest.approx(25)
 
 
 @pytest.mark.parametrize("azimuth", [None, [40.0], [-170.0, -50.0, 80.0]])

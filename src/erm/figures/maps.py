@@ -47,7 +47,6 @@ def plot_map(
         if not is_wall.all():
             x, y = walls[~is_wall, 0].T
             axes.scatter(x, y, s=30, marker="s", color=PALETTE["wall"], label="pole", zorder=4)
-        _name(axes, walls, names)
         seen.append(walls.reshape(-1, 2))
     if table is not None:
         if "accepted" in table:
@@ -63,6 +62,8 @@ def plot_map(
         if not any(map(len, seen)):
             seen.append(outline.reshape(-1, 2))
     fit_frame(axes, np.vstack(seen) if seen else np.zeros((0, 2)))
+    if environment is not None:
+        _name(axes, environment.reflectors["end_points"].values, names, np.vstack(seen))
     legend_above(axes)
     return axes
 
@@ -119,17 +120,19 @@ def mark_width(axes: "Axes", start: FloatArray, stop: FloatArray, label: str) ->
     return axes
 
 
-def _name(axes: "Axes", walls: FloatArray, names: Sequence[str]) -> None:
-    """Write names beside the middles of reflectors (reflector, 2, 2), each on the right of its wall."""
+def _name(axes: "Axes", walls: FloatArray, names: Sequence[str], taken: FloatArray) -> None:
+    """Write names beside reflectors (reflector, 2, 2), each furthest from all that is drawn (n, 2)."""
     from matplotlib.patheffects import withStroke
 
+    per_metre = 72 / axes.figure.dpi * np.diff(axes.transData.transform([[0, 0], [1, 0]])[:, 0])[0]  # points
+    along = np.linspace(0, 1, 21)[:, None, None]
+    drawn = np.vstack([taken, (walls[:, 0] + along * (walls[:, 1] - walls[:, 0])).reshape(-1, 2)]) * per_metre
     for ends, name in zip(walls, names, strict=False):
-        along = ends[1] - ends[0]
-        size = max(float(np.hypot(*along)), 1e-9)
-        aside = 8 * np.array([along[1], -along[0]]) / size if size > 1e-6 else np.array([-8.0, 6.0])
+        place, aside = _beside(ends * per_metre, drawn)
+        drawn = np.vstack([drawn, place + aside])
         axes.annotate(
             name,
-            tuple(ends.mean(axis=0)),
+            tuple(place / per_metre),
             tuple(aside),
             textcoords="offset points",
             ha="center",
@@ -139,3 +142,13 @@ def _name(axes: "Axes", walls: FloatArray, names: Sequence[str]) -> None:
             path_effects=[withStroke(linewidth=2.5, foreground="white")],
             zorder=7,
         )
+
+
+def _beside(ends: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where along a reflector (2 ends, 2), and how far aside, a name has most room beside what is drawn (n, 2)."""
+    angle = np.radians(np.arange(0, 360, 30))
+    aside = 9.0 * np.stack([1.2 * np.cos(angle), np.sin(angle)], axis=-1)  # names are wider than high
+    place = ends[0] + np.array([0.5, 0.35, 0.65, 0.1, 0.9])[:, None] * (ends[1] - ends[0])
+    room = np.linalg.norm(place[:, None, None] + aside[None, :, None] - drawn, axis=-1).min(axis=-1)
+    best = np.unravel_index(np.argmax(np.round(np.minimum(room, 12.0), 6)), room.shape)
+    return place[best[0]], aside[best[1]]

@@ -64,8 +64,8 @@ def reconstruction(page: Page, studied: routes.Study, inside: routes.Study) -> N
             name,
             axes,
             f"{' and '.join(pair)}: {len(used)} reflectors from {int(part.accepted.sum())} reflection points "
-            f"({counts}) at {len(np.unique(part['position'].values))} positions of the RX, over the known outline."
-            f"{told}",
+            f"({counts}) at {len(np.unique(part['position'].values))} positions of the RX, over the known outline. "
+            f"The reflectors are those of the map of all positions.{told}",
         )
     _corridor(page, inside, outline)
 
