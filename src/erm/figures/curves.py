@@ -19,10 +19,14 @@ WIDE = 30.0  # times; medians further apart than this need a logarithmic axis
 MEASURES: dict[str, tuple[str, dict[str, str]]] = {
     "Completeness": (
         "linear",
-        {"completeness": "MPCs as they are", "of_honest": "with errors that are known", "of_exact": "without errors"},
+        {
+            "completeness": "MPCs as they are",
+            "of_honest": "standard deviations that hold",
+            "of_exact": "without errors",
+        },
     ),
     "RP error (m)": ("log", {"point_error": "MPCs on the map", "shared_error": "paths that every value found"}),
-    "Wall error (m)": ("log", {"wall_error": "MPCs as they are", "wall_honest": "with errors that are known"}),
+    "Wall error (m)": ("log", {"wall_error": "MPCs as they are", "wall_honest": "standard deviations that hold"}),
 }
 """Rows of a figure of sweeps: label, scale, and the curves by field of `erm.letter.sweeps.Outcome`."""
 STYLES: tuple[dict[str, Any], ...] = (
@@ -103,7 +107,7 @@ def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
         column[-1].minorticks_off()
         if one.knob.values[0] > one.knob.values[-1]:
             column[-1].invert_xaxis()  # effort grows to the right in every column
-        column[-1].set_xlabel(f"{one.knob.name} ({one.knob.unit})")
+        column[-1].set_xlabel(f"{one.knob.name[:1].upper()}{one.knob.name[1:]} ({one.knob.unit})")
     return figure
 
 
