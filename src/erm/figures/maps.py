@@ -124,11 +124,12 @@ def _name(axes: "Axes", walls: FloatArray, names: Sequence[str], taken: FloatArr
     """Write names beside reflectors (reflector, 2, 2), each furthest from all that is drawn (n, 2)."""
     from matplotlib.patheffects import withStroke
 
+    axes.apply_aspect()
     per_metre = 72 / axes.figure.dpi * np.diff(axes.transData.transform([[0, 0], [1, 0]])[:, 0])[0]  # points
     along = np.linspace(0, 1, 21)[:, None, None]
     drawn = np.vstack([taken, (walls[:, 0] + along * (walls[:, 1] - walls[:, 0])).reshape(-1, 2)]) * per_metre
     for ends, name in zip(walls, names, strict=False):
-        place, aside = _beside(ends * per_metre, drawn)
+        place, aside = _beside(ends * per_metre, drawn, len(name))
         drawn = np.vstack([drawn, place + aside])
         axes.annotate(
             name,
@@ -144,11 +145,13 @@ def _name(axes: "Axes", walls: FloatArray, names: Sequence[str], taken: FloatArr
         )
 
 
-def _beside(ends: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _beside(ends: FloatArray, drawn: FloatArray, letters: int) -> tuple[FloatArray, FloatArray]:
     """Where along a reflector (2 ends, 2), and how far aside, a name has most room beside what is drawn (n, 2)."""
+    box = np.array([3.2 * letters, 4.5])  # half of the name's width and height, points
     angle = np.radians(np.arange(0, 360, 30))
-    aside = 9.0 * np.stack([1.2 * np.cos(angle), np.sin(angle)], axis=-1)  # names are wider than high
+    aside = (box + 5.0) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     place = ends[0] + np.array([0.5, 0.35, 0.65, 0.1, 0.9])[:, None] * (ends[1] - ends[0])
-    room = np.linalg.norm(place[:, None, None] + aside[None, :, None] - drawn, axis=-1).min(axis=-1)
-    best = np.unravel_index(np.argmax(np.round(np.minimum(room, 12.0), 6)), room.shape)
+    away = np.abs(place[:, None, None] + aside[None, :, None] - drawn) - box
+    room = np.linalg.norm(np.maximum(away, 0), axis=-1).min(axis=-1)
+    best = np.unravel_index(np.argmax(np.round(np.minimum(room, 9.0), 6)), room.shape)
     return place[best[0]], aside[best[1]]

@@ -92,3 +92,24 @@ def test_a_width_is_marked_from_end_to_end_with_its_label():
     arrow, label = axes.texts
     assert (arrow.xyann, arrow.xy) == ((10.0, 40.0), (10.0, 0.0))
     assert (label.get_text(), label.xy) == ("40 m", (10.0, 20.0))
+
+
+def test_names_hide_neither_antennas_nor_points():
+    rng = np.random.default_rng(4)
+    place = Environment.walls([[[0, 0], [30, 0]]]).with_poles([[10, 20], [25, 30]], 0.1)
+    rx = np.column_stack([rng.uniform(0, 40, 60), rng.uniform(5, 40, 60), np.full(60, 1.5)])
+    table = make_table(
+        {
+            "position": np.array([f"RX{i}" for i in range(60)]),
+            "tx_position": np.array([0.0, 60.0, 9.0]),
+            "rx_position": rx,
+        }
+        | {"frequency": 132e9, "delay": np.full(60, 1e-6), "azimuth": np.zeros(60), "path_gain": np.full(60, -99.0)}
+    )
+    axes = plot_map(place, table=table, names=["W0", "P1", "P2"])
+    axes.figure.canvas.draw()
+    names = [text for text in axes.texts if text.get_text() in ("W0", "P1", "P2")]
+    assert len(names) == 3
+    centres = axes.transData.transform(rx[:, :2])
+    hidden = [text.get_text() for text in names if text.get_window_extent().count_contains(centres)]
+    assert hidden == []
