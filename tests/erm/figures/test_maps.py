@@ -95,9 +95,13 @@ def test_a_width_is_marked_from_end_to_end_with_its_label():
 
 
 def test_names_hide_neither_antennas_nor_points():
-    rng = np.random.default_rng(4)
+    # receivers close about two poles, but for a gap of 120 degrees below one and above the other
+    turn = np.radians(np.linspace(-30, 210, 30))
+    ring = 2.5 * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     place = Environment.walls([[[0, 0], [30, 0]]]).with_poles([[10, 20], [25, 30]], 0.1)
-    rx = np.column_stack([rng.uniform(0, 40, 60), rng.uniform(5, 40, 60), np.full(60, 1.5)])
+    rx = np.column_stack(
+        [np.vstack([ring + np.array([10, 20]), ring * np.array([1, -1]) + np.array([25, 30])]), np.full(60, 1.5)]
+    )
     table = make_table(
         {
             "position": np.array([f"RX{i}" for i in range(60)]),
