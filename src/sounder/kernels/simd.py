@@ -289,12 +289,12 @@ def copy_two_ends(_context: Any, x: Any, y: Any, to_x: Any, to_y: Any, sums: Any
 
 @intrinsic
 def prefetch(_context: Any, address: Any) -> Any:
-    """Ask for a cache line that will be read soon; any address will do."""
+    """Ask for a cache line, any address will do, in the second level: the first is full of the transforms' work."""
 
     def emit(b: Builder, address: Value) -> None:
         kind = ir.FunctionType(ir.VoidType(), [I8.as_pointer(), I32, I32, I32])
         function = cgutils.get_or_insert_function(b.module, kind, "llvm.prefetch.p0")
-        read, near, data = ir.Constant(I32, 0), ir.Constant(I32, 3), ir.Constant(I32, 1)
-        b.call(function, [b.inttoptr(address, I8.as_pointer()), read, near, data])
+        read, second_level, data = ir.Constant(I32, 0), ir.Constant(I32, 2), ir.Constant(I32, 1)
+        b.call(function, [b.inttoptr(address, I8.as_pointer()), read, second_level, data])
 
     return procedure(emit, 1)

@@ -22,7 +22,7 @@ from sounder.kernels.compile import jit, part
 from sounder.kernels.mls import Permutations
 from sounder.kernels.tables import LINE, TAIL, Path, State, Tables, new_state
 
-AHEAD = 1 << 14  # bytes
+AHEAD = 1 << 15  # bytes
 ORDERS = range(9, 16)
 LAST = 8  # rows of the last pass
 GAP = 4  # chips behind the last that may be gathered: what is wrapped, and zeros
