@@ -174,8 +174,9 @@ def process(
     ] = None,
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
-    from sounder.startup import spare_imports
+    from sounder.startup import collect_seldom, spare_imports
 
+    collect_seldom()
     spare_imports()
     from sounder.intake import gather
     from sounder.pipeline import process

@@ -188,6 +188,7 @@ def weigh(view: View, work: Work) -> float:
     for i in range(NEAR):
         if work.near[i] < 0:
             break
-        work.weight[i] = pattern(view, work.direction, work.near[i], work.slopes)
-        energy += work.weight[i] ** 2
+        weight = pattern(view, work.direction, work.near[i], work.slopes)
+        work.weight[i] = weight
+        energy += weight * weight
     return energy

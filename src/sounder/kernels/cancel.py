@@ -117,8 +117,9 @@ def _keep(found: Real, count: int, view: View, limits: Limits, work: Work, perio
     """Move the paths that still exceed the threshold to the front; fitted again, some turn out to be others' parts."""
     kept = 0
     for i in range(count):
-        power = (found[i, AMPLITUDE] * found[i, OFF_BORESIGHT]) ** 2
-        if power > limits.threshold[int(found[i, BEAM])] and not _is_copy(found, count, i, view, limits, work, period):
+        seen = found[i, AMPLITUDE] * found[i, OFF_BORESIGHT]
+        above = seen * seen > limits.threshold[int(found[i, BEAM])]
+        if above and not _is_copy(found, count, i, view, limits, work, period):
             for column in range(found.shape[1]):
                 found[kept, column] = found[i, column]
             kept += 1

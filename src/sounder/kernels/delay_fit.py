@@ -4,7 +4,7 @@ import math
 
 from sounder.kernels.compile import part
 from sounder.kernels.component import NEAR, Beams, Work
-from sounder.kernels.pulse import match, sample
+from sounder.kernels.pulse import match, power, sample, times
 from sounder.kernels.view import NOISE, OVER, SPREAD, View
 
 
@@ -16,10 +16,11 @@ def tune(view: View, work: Work, delay: float) -> int:
     sample(view.pulse, over, delay, work.inner)
     energy = 0j
     for i in range(work.matched.size):
-        energy += work.inner[i] * work.matched[i]
-    scale = 1.0 / energy
+        energy += times(work.inner[i], work.matched[i])
+    size = power(energy)
+    scale = complex(energy.real / size, -energy.imag / size)
     for i in range(work.matched.size):
-        work.matched[i] *= scale
+        work.matched[i] = times(work.matched[i], scale)
     return first
 
 
@@ -49,7 +50,7 @@ def _height(beams: Beams, view: View, work: Work, delay: float) -> float:
     for i in range(NEAR):
         if work.near[i] < 0:
             break
-        total += work.weight[i] * abs(match(beams, work.near[i], first, work.matched))
+        total += work.weight[i] * math.sqrt(power(match(beams, work.near[i], first, work.matched)))
     return total
 
 
@@ -60,9 +61,8 @@ def measure(beams: Beams, view: View, work: Work, delay: float) -> None:
     for i in range(NEAR):
         if work.near[i] < 0:
             break
-        value = match(beams, work.near[i], first, work.matched)
-        power = value.real**2 + value.imag**2 - magnitude_variance(view, work.near[i])
-        work.magnitude[i] = math.sqrt(power) if power > 0.0 else 0.0
+        left = power(match(beams, work.near[i], first, work.matched)) - magnitude_variance(view, work.near[i])
+        work.magnitude[i] = math.sqrt(left) if left > 0.0 else 0.0
 
 
 @part

@@ -12,7 +12,7 @@ from sounder.kernels.beam_fit import AMPLITUDE, AZIMUTH, ELEVATION
 from sounder.kernels.compile import part
 from sounder.kernels.component import Beams, Work
 from sounder.kernels.delay_fit import tune
-from sounder.kernels.pulse import match
+from sounder.kernels.pulse import match, power
 from sounder.kernels.view import LOOK_AZIMUTH, NOISE, REACH, SPREAD, View, aim, pattern
 
 FAR = 4.0
@@ -40,9 +40,8 @@ def listen(beams: Beams, view: View, work: Work, found_in: int, delay: float) ->
     for side in range(3):
         first = tune(view, work, delay + (side - 1) * BESIDE)
         for b in range(beams.shape[0]):
-            value = match(beams, b, first, work.matched)
-            power = (value.real**2 + value.imag**2) / (view.limits[SPREAD] * view.beam[b, NOISE])
-            work.far[b, side] = power if power >= 0.0 else -1.0
+            heard = power(match(beams, b, first, work.matched)) / (view.limits[SPREAD] * view.beam[b, NOISE])
+            work.far[b, side] = heard if heard >= 0.0 else -1.0
     for b in range(beams.shape[0]):
         aside = abs(view.beam[b, LOOK_AZIMUTH] - view.beam[found_in, LOOK_AZIMUTH]) % 360.0
         if aside <= FAR * view.limits[REACH] or 360.0 - aside <= FAR * view.limits[REACH]:
@@ -56,14 +55,14 @@ def judge(view: View, work: Work) -> float:
     count = 0
     held = beside = noise = expected = 0.0
     for b in range(work.far.shape[0]):
-        power, before, after = work.far[b, 1], work.far[b, 0], work.far[b, 2]
-        if power < 0.0:
+        heard, before, after = work.far[b, 1], work.far[b, 0], work.far[b, 2]
+        if heard < 0.0:
             continue
         amplitude = work.fit[AMPLITUDE] * pattern(view, work.direction, b, work.slopes)
         own = amplitude * amplitude / (view.limits[SPREAD] * view.beam[b, NOISE])
         most = MOST + ABOVE * own
         count += 1
-        held += power if power < most else most
+        held += heard if heard < most else most
         beside += 0.5 * ((before if before < most else most) + (after if after < most else most))
         noise += 1.0 - math.exp(-most)
         expected += own
@@ -71,4 +70,5 @@ def judge(view: View, work: Work) -> float:
     allowed = ABOVE * expected if excess > expected else expected / BELOW
     if (excess - expected) * (excess - allowed) <= 0.0:
         return 0.0
-    return (excess - allowed) ** 2 / (DEVIATION * DEVIATION * count + (VAGUE * allowed) ** 2)
+    beyond, vague = excess - allowed, VAGUE * allowed
+    return beyond * beyond / (DEVIATION * DEVIATION * count + vague * vague)

@@ -29,7 +29,7 @@ from sounder.kernels.component import (
 )
 from sounder.kernels.delay_fit import climb, magnitude_variance, measure, tune
 from sounder.kernels.far_beams import listen
-from sounder.kernels.pulse import add, match, power_around, sample
+from sounder.kernels.pulse import add, match, power, power_around, sample
 from sounder.kernels.view import NOISE, OVER, View, aim, pattern
 
 
@@ -61,8 +61,8 @@ def fit(beams: Beams, view: View, work: Work, row: Real) -> None:
     fit_angles(view, work.magnitude, work.near, magnitude_variance(view, b), work.bounds, work.free, SETTLE, angles)
     for column in range(beam_fit.RESULTS):
         row[AZIMUTH + column] = angles[column]
-    row[VAR_ELEVATION] += row[ELEVATION_SPREAD] ** 2
-    row[VAR_AMPLITUDE] += row[AMPLITUDE_SPREAD] ** 2
+    row[VAR_ELEVATION] += row[ELEVATION_SPREAD] * row[ELEVATION_SPREAD]
+    row[VAR_AMPLITUDE] += row[AMPLITUDE_SPREAD] * row[AMPLITUDE_SPREAD]
     row[ELEVATION_AMPLITUDE] += row[ELEVATION_SPREAD] * row[AMPLITUDE_SPREAD]
     row[DELAY], row[LOWER], row[UPPER] = delay, work.bounds[2], work.bounds[3]
     row[ENERGY] = weigh(view, work)
@@ -82,12 +82,12 @@ def take(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: 
         if math.isnan(noise):
             continue
         predicted = row[AMPLITUDE] * pattern(view, work.direction, b, work.slopes)
-        if predicted**2 < 0.1 * noise and b != found_in:
+        if predicted * predicted < 0.1 * noise and b != found_in:
             continue
         amplitude = match(beams, b, first, work.matched)
-        size = abs(amplitude)
+        size = math.sqrt(power(amplitude))
         if size > margin * predicted and b != found_in:
-            amplitude *= predicted / size
+            amplitude = complex(amplitude.real * predicted / size, amplitude.imag * predicted / size)
         taken[i, b] = amplitude
         add(beams, b, first_of_pulse, work.pulse, -amplitude)
 
@@ -98,7 +98,7 @@ def fit_again(beams: Beams, view: View, margin: float, work: Work, row: Real, ta
     first = sample(view.pulse, view.grid[OVER], row[DELAY], work.pulse)
     for b in range(beams.shape[0]):
         if taken[i, b] != 0:
-            add(beams, b, first, work.pulse, 1.0 * taken[i, b])  # in double precision, as `take` adds it
+            add(beams, b, first, work.pulse, complex(taken[i, b]))  # in double precision, as `take` adds it
     fit(beams, view, work, row)
     take(beams, view, margin, work, row, taken, i)
     row[LEFT_OVER] = power_around(beams, int(row[BEAM]), row[DELAY])

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from sounder.kernels.bundle import bundle
 from sounder.kernels.compile import part
 from sounder.kernels.component import AMPLITUDE, AZIMUTH, DELAY, ELEVATION, Beams, Real, Work
-from sounder.kernels.pulse import nearest, sample
+from sounder.kernels.pulse import nearest, power, sample
 from sounder.kernels.view import OVER, View, aim, pattern
 
 BLOCK = 32
@@ -116,9 +116,9 @@ def mark(view: View, limits: Limits, work: Work, search: Search, row: Real) -> N
     for i in range(taps):
         search.shape[i] = 0.0
         for j in range(i - 1 if i > 0 else 0, i + 2 if i + 2 <= taps else taps):
-            power = work.pulse[j].real ** 2 + work.pulse[j].imag ** 2
-            if power > search.shape[i]:
-                search.shape[i] = power
+            high = power(work.pulse[j])
+            if high > search.shape[i]:
+                search.shape[i] = high
     aim(row[AZIMUTH], row[ELEVATION], work.direction)
     for b in range(search.ghost.shape[0]):
         g = row[AMPLITUDE] * pattern(view, work.direction, b, work.slopes)

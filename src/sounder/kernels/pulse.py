@@ -15,6 +15,19 @@ Table = npt.NDArray[np.complex128]
 
 
 @part
+def power(value: complex) -> float:
+    """Squared magnitude."""
+    # written out, here and below: what numba calls for powers, products and quotients of numbers takes long to compile
+    return value.real * value.real + value.imag * value.imag
+
+
+@part
+def times(a: complex, b: complex) -> complex:
+    """Product of two numbers."""
+    return complex(a.real * b.real - a.imag * b.imag, a.real * b.imag + a.imag * b.real)
+
+
+@part
 def nearest(delay: float) -> int:
     """Round half up, in a type that indexes."""
     return math.floor(delay + 0.5)
@@ -31,7 +44,10 @@ def sample(table: Table, over: int, delay: float, taps: Table) -> int:
     left = math.floor(place)
     right = place - left
     for i in range(taps.size):
-        taps[i] = table[left] * (1.0 - right) + table[left + 1] * right
+        here, there = table[left], table[left + 1]
+        taps[i] = complex(
+            here.real * (1.0 - right) + there.real * right, here.imag * (1.0 - right) + there.imag * right
+        )
         left += over
     return first
 
@@ -43,7 +59,7 @@ def match(beams: Beams, b: int, first: int, taps: Table) -> complex:
     size = beams.shape[1]
     k = first % size
     for i in range(taps.size):
-        total += beams[b, k] * taps[i]
+        total += times(complex(beams[b, k]), taps[i])
         k += 1
         if k == size:
             k = 0
@@ -56,7 +72,7 @@ def add(beams: Beams, b: int, first: int, taps: Table, amplitude: complex) -> No
     size = beams.shape[1]
     k = first % size
     for i in range(taps.size):
-        beams[b, k] += amplitude * taps[i]
+        beams[b, k] += times(amplitude, taps[i])
         k += 1
         if k == size:
             k = 0
@@ -69,6 +85,5 @@ def power_around(beams: Beams, b: int, delay: float) -> float:
     centre = nearest(delay)
     total = 0.0
     for k in range(centre - 2, centre + 3):
-        value = beams[b, k % size]
-        total += value.real**2 + value.imag**2
+        total += power(complex(beams[b, k % size]))
     return total / 5

@@ -10,7 +10,7 @@ from typing import Any
 
 from numba import _dynfunc
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import NativeLowering
 
@@ -32,8 +32,39 @@ NEEDLESS = {
 }
 
 
+class SettledFlags(Flags):
+    """Flags of a compilation, which change no more once it goes on.
+
+    Numba looks them up by value at every call that it finds, and makes a dictionary of their two dozen values each
+    time, a tenth of its work.
+    """
+
+    __slots__ = ("_settled",)
+
+    def __init__(self, flags: Flags | None = None) -> None:
+        super().__init__(flags)
+        self._settled: tuple[int, dict[str, Any]] | None = None
+
+    def settled(self) -> tuple[int, dict[str, Any]]:
+        """Hash and values."""
+        if self._settled is None:
+            self._settled = super().__hash__(), self.values()
+        return self._settled
+
+    def __hash__(self) -> int:
+        return self.settled()[0]
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, SettledFlags):
+            return self is other or self.settled() == other.settled()
+        return super().__eq__(other)
+
+
 class EntryCompiler(CompilerBase):
     """Compiler of functions that Python calls."""
+
+    def __init__(self, typing: Any, target: Any, library: Any, args: Any, kind: Any, flags: Flags, names: Any) -> None:
+        super().__init__(typing, target, library, args, kind, SettledFlags(flags), names)
 
     def define_pipelines(self) -> list[PassManager]:
         """Take numba's passes but the needless."""
