@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 HERE = Path(__file__).parent
-SUPPORT = ("campaign.py", "harness.py", "pools.py", "routes.py", "run.py")
+SUPPORT = ("campaign.py", "harness.py", "machine.py", "pools.py", "routes.py", "run.py")
 
 
 def processor() -> str:
