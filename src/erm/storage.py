@@ -35,6 +35,8 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         The folder cannot be made or written to.
     """
     target = Path(target)
+    if target.parent.is_file():
+        raise DataError(f"{target.parent}: is a file; choose a folder to write into")
     temporary = target.with_name(f".{target.name}.{uuid4().hex[:8]}.part{target.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -177,9 +179,12 @@ def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
         raise DataError(f"{path}: not an HDF5 file; expected a product of this software")
     try:
         with h5py.File(path, "r") as file:
+            held = sorted(file)
             present = group in file
         if not present:
-            raise DataError(f"{path}: has no group {group}; expected a product of this software")
+            what = "holds raw captures" if "iq" in held else f"holds {', '.join(held[:5]) or 'nothing'}"
+            then = "process them first" if "iq" in held else "expected a product of this software"
+            raise DataError(f"{path}: {what} and no group {group}; {then}")
         with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
             return dataset.load()
     except OSError as error:

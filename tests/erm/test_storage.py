@@ -62,8 +62,11 @@ def test_a_file_is_on_disk_before_it_has_its_name(tmp_path, monkeypatch):
 
 def test_a_folder_that_cannot_be_is_told(tmp_path):
     (tmp_path / "file").write_text("in the way")
-    told = pytest.raises(DataError, match=r"file.x\.txt: cannot be written \(.*\); choose a writable folder")
+    told = pytest.raises(DataError, match="file: is a file; choose a folder to write into")
     with told, atomic_path(tmp_path / "file" / "x.txt"):
+        pass
+    told = pytest.raises(DataError, match=r"x\.txt: cannot be written \(.*\); choose a writable folder")
+    with told, atomic_path(tmp_path / "file" / "folder" / "x.txt"):
         pass
 
 
@@ -178,13 +181,16 @@ def test_a_product_is_closed_after_reading(tmp_path):
         (None, "/", "no such file"),
         (b"text", "/", "not an HDF5 file; expected a product of this software"),
         (b"", "/", "not an HDF5 file; expected a product of this software"),
-        ("product", "/mpc", "has no group /mpc; expected a product of this software"),
+        ("product", "/mpc", "holds cir, none, path, x and no group /mpc; expected a product of this software"),
+        ("captures", "/mpc", "holds raw captures and no group /mpc; process them first"),
     ],
 )
 def test_what_is_no_product_is_told(tmp_path, content, group, told):
     path = tmp_path / "p.h5"
     if content == "product":
         write_product(groups(), path)
+    elif content == "captures":
+        write_product({"/": xr.Dataset({"iq": ("sample", np.zeros(3))})}, path)
     elif content is not None:
         path.write_bytes(content)
     with pytest.raises(DataError) as error:
