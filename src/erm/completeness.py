@@ -7,7 +7,7 @@ import numpy.typing as npt
 import shapely
 
 from erm.environment import Environment
-from erm.evaluate import CLOSE, STEP, faces_behind
+from erm.evaluate import STEP, covered_samples
 from erm.geometry import FloatArray
 from erm.outline import outline_of
 
@@ -23,7 +23,7 @@ class Completeness(NamedTuple):
 
     receivers: int
     length: float  # m of outline that at least so many receivers see
-    share: float  # of it that has a wall of the map within `erm.evaluate.CLOSE`; NaN where nothing is seen
+    share: float  # of it that has a wall of the map beside it (`covered_samples`); NaN where nothing is seen
 
 
 def completeness(
@@ -47,7 +47,7 @@ def completeness(
     """
     walls = outline_of(environment)
     seen = [receivers_that_see(segment, outline, rx_positions) for segment in outline]
-    have = [faces_behind(segment, walls, STEP)[1] < CLOSE for segment in outline]
+    have = [covered_samples(segment, walls, STEP) for segment in outline]
     length = [
         np.full(len(count), np.linalg.norm(b - a) / len(count)) for (a, b), count in zip(outline, seen, strict=True)
     ]

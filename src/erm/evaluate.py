@@ -190,10 +190,14 @@ def covered_share(segments: FloatArray, others: FloatArray) -> float:
     covered = total = 0.0
     for segment in segments:
         length = float(np.linalg.norm(segment[1] - segment[0]))
-        _, distances, _ = faces_behind(segment, others, FINE)
-        covered += length * float(np.mean(distances < CLOSE))
+        covered += length * float(np.mean(covered_samples(segment, others, FINE)))
         total += length
     return covered / total if total else float("nan")
+
+
+def covered_samples(segment: FloatArray, others: FloatArray, step: float) -> npt.NDArray[np.bool_]:
+    """Whether a parallel one of others lies within ``CLOSE`` of each sample, every ``step`` [m], of a segment."""
+    return faces_behind(segment, others, step)[1] < CLOSE
 
 
 def face_hits(points: npt.ArrayLike, outline: FloatArray, tolerance: float = 0.05) -> npt.NDArray[np.int64]:
