@@ -1,5 +1,6 @@
 """Correlation of captures with an m-sequence, and its averages over snapshots."""
 
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -103,13 +104,17 @@ class MSequenceCorrelator:
 
     @contextmanager
     def _borrowed_state(self) -> Iterator[State]:
-        """Lend a state to one thread; lists are safe to share."""
-        try:
-            state = self._idle.pop()
-        except IndexError:
-            state = self._new_state()
+        """Lend a state to one thread."""
+        state = self._idle_state()
         yield state
         self._idle.append(state)
+
+    def _idle_state(self) -> State:
+        """Take a state that nobody uses; lists are safe to share."""
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return self._new_state()
 
     def _run(self, x: Captures, seen: int, state: State, correlation: Captures, power: Captures) -> None:
         run = self._path.run_int16 if x.dtype == np.int16 else self._path.run_float32
@@ -122,7 +127,8 @@ class MSequenceAccumulator:
     def __init__(self, correlator: MSequenceCorrelator) -> None:
         self.count = 0
         self._correlator = correlator
-        self._state = correlator._new_state()
+        self._state = correlator._idle_state()
+        weakref.finalize(self, correlator._idle.append, self._state)
 
     def add(self, iq: Captures) -> None:
         """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
