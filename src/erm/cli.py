@@ -39,6 +39,7 @@ HELD = {
     "right": "share of these that are predicted",
     "positions_right": "share of positions with all of these predicted",
     "positions_located": "the same, by delay and azimuth alone",
+    "positions_given": "the same, gains as measured given the predicted elevations",
     "positions_compatible": "the same, gains within what the measurement is sure of",
     "delay": "of those predicted: median error of delay [s]",
     "azimuth": "median error of azimuth [degree]",

@@ -222,7 +222,7 @@ def paths_of(table: "xr.Dataset", rows: IntArray) -> Paths:
         link=chosen["link"].values,
         transmitter=transmitter.ravel(),
         loss=loss,
-        loss_std=chosen["path_gain_std"].values,
+        loss_std=chosen["reflection_loss_std"].values,
         wavelength=c / chosen["frequency"].values,
         rise=rise(chosen),
         rise_std=chosen["elevation_std"].values,
