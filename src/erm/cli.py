@@ -39,6 +39,7 @@ HELD = {
     "right": "share of these that are predicted",
     "positions_right": "share of positions with all of these predicted",
     "positions_located": "the same, by delay and azimuth alone",
+    "positions_given": "the same, gains as measured given the predicted elevations",
     "positions_compatible": "the same, gains within what the measurement is sure of",
     "delay": "of those predicted: median error of delay [s]",
     "azimuth": "median error of azimuth [degree]",
@@ -61,14 +62,19 @@ def reconstruct(
         float | None, typer.Option(help="Largest loss [dB]; 20 for consistency, 12 for fixed.", show_default=False)
     ] = None,
     min_support: Annotated[int, typer.Option(min=1, help="Antenna pairs that must share a wall.")] = 3,
+    add_to: Annotated[
+        Path | None, typer.Option(help="Map (.h5) to whose MPCs these are added, with less work than from anew.")
+    ] = None,
     ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
 ) -> None:
     """Reconstruct the walls that reflected the components."""
-    spare_inputs((out, rps, figure), mpcs)
+    inputs = {path for path in (*mpcs, add_to) if path is not None}
+    spare_inputs((out, rps, figure), inputs)
     _require_suffix(rps, ".csv")
     _require_suffix(figure, ".png", ".pdf", ".svg")
     import numpy as np
 
+    from erm.members import added, read_members, write_map
     from erm.mpc_table import read_mpcs, write_reflection_points
     from erm.reconstruct import reconstruct as merge_walls
     from erm.select import select
@@ -77,14 +83,15 @@ def reconstruct(
     table, complaints = read_mpcs(mpcs)
     if complaints and not table.sizes["mpc"]:
         console.complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
+    table, start = added(*read_members(add_to), table) if add_to else (table, None)
     selected = select(table, threshold=threshold.value, max_reflection_loss=max_loss, ground_height=ground)
-    environment, merged = merge_walls(selected, min_support=min_support)
+    environment, merged = merge_walls(selected, min_support=min_support, start=start)
     options = {"threshold": threshold.value, "max_reflection_loss": max_loss, "ground_height": ground}
     options["min_support"] = min_support
-    inputs = {path for path in mpcs if path.is_file()}
-    origin = provenance("Reconstructed environment", "erm reconstruct", inputs=sorted(inputs), options=options)
+    there = sorted(path for path in inputs if path.is_file())
+    origin = provenance("Reconstructed environment", "erm reconstruct", inputs=there, options=options)
     environment.reflectors.attrs.update(origin)
-    environment.write(out)
+    write_map(environment, table, merged, out)
     if rps:
         write_reflection_points(merged, rps)
     if figure:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from erm.elevation import gain_given
 from erm.environment import Environment
 from erm.errors import DataError
 from erm.geometry import angle_difference
@@ -31,6 +32,7 @@ class Prediction(NamedTuple):
     delay: np.ndarray  # (component,) s
     azimuth: np.ndarray  # (component,) degree
     gain: np.ndarray  # (component,) dB
+    gain_given: np.ndarray  # (component,) dB, to the gain measured if the path arrives at the predicted elevation
     gain_std: np.ndarray  # (component,) dB, of the measurement; 0 where the table gives none
 
     @property
@@ -44,6 +46,12 @@ class Prediction(NamedTuple):
         """Whether (component,) its gain is predicted within the tolerance, too."""
         with np.errstate(invalid="ignore"):
             return self.located & (np.abs(self.gain) < GAIN)
+
+    @property
+    def right_given(self) -> np.ndarray:
+        """Whether (component,) its gain is right given the elevation that the map tells, see `erm.elevation`."""
+        with np.errstate(invalid="ignore"):
+            return self.located & (np.abs(self.gain_given) < GAIN)
 
     @property
     def compatible(self) -> np.ndarray:
@@ -89,18 +97,24 @@ def leave_one_out(
         # walls may reflect further than they were seen to, but hide only where they were seen
         longer = prolonged(environment, beyond)
         paths = trace(longer, *ends, frequency, max_order=max_order, obstacles=environment)
-        delay, azimuth, gain = (paths[name].values for name in ("delay", "azimuth", "path_gain"))
-        rows = np.argsort(-held["path_gain"].values, kind="stable")[:strongest]
-        errors = np.full((3, len(rows)), np.nan)
-        for column, row in enumerate(rows):
-            late = delay - held["delay"].values[row]
-            aside = angle_difference(azimuth, held["azimuth"].values[row])
-            if len(late):
-                near = int(np.argmin((late / DELAY) ** 2 + (aside / AZIMUTH) ** 2))
-                errors[:, column] = late[near], aside[near], gain[near] - held["path_gain"].values[row]
-        doubt = np.nan_to_num(held["path_gain_std"].values[rows])
-        result.append(Prediction(str(held["position"].values[0]), errors[0], errors[1], errors[2], doubt))
+        order = np.argsort(-held["path_gain"].values, kind="stable")[:strongest]
+        result.append(compare(held.isel(mpc=order), paths))
     return result
+
+
+def compare(measured: "xr.Dataset", paths: "xr.Dataset") -> Prediction:
+    """Errors of the paths of `erm.trace` that are nearest to components of one antenna pair."""
+    errors = np.full((3, measured.sizes["mpc"]), np.nan)
+    given = errors[2]
+    if paths.sizes["path"]:
+        late = paths["delay"].values - measured["delay"].values[:, None]
+        aside = angle_difference(paths["azimuth"].values, measured["azimuth"].values[:, None])
+        near = np.argmin((late / DELAY) ** 2 + (aside / AZIMUTH) ** 2, axis=1)
+        rows, gain = np.arange(len(near)), paths["path_gain"].values[near]
+        errors = np.stack([late[rows, near], aside[rows, near], gain - measured["path_gain"].values])
+        given = gain - gain_given(measured, paths["elevation"].values[near])[0]
+    doubt = np.nan_to_num(measured["path_gain_std"].values)
+    return Prediction(str(measured["position"].values[0]), errors[0], errors[1], errors[2], given, doubt)
 
 
 def prolonged(environment: Environment, beyond: float) -> Environment:
@@ -119,8 +133,9 @@ def prolonged(environment: Environment, beyond: float) -> Environment:
 def score(predictions: list[Prediction]) -> dict[str, Any]:
     """``positions``, ``components``, the share of components predicted ``right``, and of positions with all right.
 
-    Further the shares of positions with all components ``located`` and ``compatible``, and the median absolute errors
-    ``delay`` [s], ``azimuth`` [degree] and ``gain`` [dB] of the right ones.
+    Further the shares of positions with all components ``located``, right ``given`` their elevations, and
+    ``compatible``, and the median absolute errors ``delay`` [s], ``azimuth`` [degree] and ``gain`` [dB] of the right
+    ones.
     """
     right = np.concatenate([one.right for one in predictions])
     errors = np.concatenate([np.stack([one.delay, one.azimuth, one.gain]) for one in predictions], axis=1)
@@ -131,6 +146,7 @@ def score(predictions: list[Prediction]) -> dict[str, Any]:
         "right": float(right.mean()),
         "positions_right": float(np.mean([one.right.all() for one in predictions])),
         "positions_located": float(np.mean([one.located.all() for one in predictions])),
+        "positions_given": float(np.mean([one.right_given.all() for one in predictions])),
         "positions_compatible": float(np.mean([one.compatible.all() for one in predictions])),
         **dict(zip(("delay", "azimuth", "gain"), middle.tolist(), strict=True)),
     }

@@ -23,8 +23,12 @@ if TYPE_CHECKING:
 VALUES = {"delay": "s", "azimuth": "degree", "elevation": "degree", "path_gain": "dB"}
 COORDINATES = tuple(f"{end}_{axis}" for end in ("tx", "rx") for axis in "xyz")
 COLUMNS = ("position", "los", *COORDINATES, "frequency", *VALUES)
-STD_COLUMNS = tuple(f"{name}_std" for name in VALUES)
-BLANK_ALLOWED = ("los", "elevation", *STD_COLUMNS)
+OPTIONAL = {f"{name}_std": unit for name, unit in VALUES.items()} | {
+    "gain_slope": "degree-1",  # dB that the gain is higher for a degree of elevation more
+    "gain_curvature": "degree-2",  # dB a degree
+    "wrap_period": "s",
+}
+BLANK_ALLOWED = ("los", "elevation", *OPTIONAL)
 EARLY = 1e-9  # s; a path this much shorter than the direct one is timing and surveying error, not a contradiction
 LONGEST = 1e-3  # s; 300 km: the delay is not in seconds
 
@@ -39,7 +43,9 @@ def make_table(columns: Columns) -> "xr.Dataset":
     columns : mapping
         ``position`` (str), ``tx_position`` and ``rx_position`` (mpc, 3) or (3,) [m], ``frequency`` [Hz],
         ``delay`` [s], ``azimuth`` [degree], ``path_gain`` [dB]; optionally ``los`` (1, 0, -1 unknown),
-        ``elevation`` [degree] and the ``_std`` of each value.
+        ``elevation`` [degree], and `OPTIONAL`: the ``_std`` of each value; ``gain_slope`` [dB/degree] and
+        ``gain_curvature`` [dB/degree2], by which the gain would be higher if the path arrived higher;
+        ``wrap_period`` [s], by whole numbers of which the delay may be too short.
 
     Returns
     -------
@@ -61,7 +67,7 @@ def make_table(columns: Columns) -> "xr.Dataset":
     for end in ("tx_position", "rx_position"):
         value = np.broadcast_to(given[end].astype(float), (count, 3))
         table[end] = (("mpc", "xyz"), value.copy(), {"units": "m"})
-    units = {"frequency": "Hz"} | VALUES | {f"{name}_std": unit for name, unit in VALUES.items()}
+    units = {"frequency": "Hz"} | VALUES | OPTIONAL
     for name, unit in units.items():
         value = np.broadcast_to(given.get(name, np.asarray(np.nan)).astype(float), count)
         table[name] = (("mpc",), value.copy(), {"units": unit})
@@ -107,7 +113,7 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
 
 
 def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
-    """Read one CSV file with the header `COLUMNS` in any order, optional `STD_COLUMNS`; others are ignored.
+    """Read one CSV file with the header `COLUMNS` in any order, those of `OPTIONAL` or not; others are ignored.
 
     Raises
     ------
@@ -130,7 +136,7 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
 
     numbers = {
         name: np.array([_number(row.get(name), name in BLANK_ALLOWED) for row in rows], dtype=float)
-        for name in (*COLUMNS[1:], *STD_COLUMNS)
+        for name in (*COLUMNS[1:], *OPTIONAL)
     }
     unreadable = {name: np.isinf(column) for name, column in numbers.items()}
     los = numbers.pop("los")
@@ -173,24 +179,33 @@ def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
             "frequency": root.attrs["frequency"],
         }
         | {end: np.ravel(root[end].values) for end in ("tx_position", "rx_position")}
-        | {name: mpc[name].values for name in (*VALUES, *STD_COLUMNS) if name in mpc}
+        | columns_of(mpc)
     )
     return _checked(table, path, {}, first_line=0)
 
 
+def columns_of(mpc: "xr.Dataset") -> dict[str, npt.NDArray]:
+    """Columns for `make_table` of the MPCs of a product; the period of those only that may have wrapped."""
+    columns = {name: mpc[name].values for name in (*VALUES, *OPTIONAL) if name in mpc}
+    if "may_be_wrapped" in mpc:
+        period = mpc.attrs.get("period", np.nan)
+        columns["wrap_period"] = np.where(mpc["may_be_wrapped"].values == 1, period, np.nan)
+    return columns
+
+
 def write_csv(table: "xr.Dataset", path: Path | str) -> None:
-    """Write a table as CSV; unknown values blank, ``_std`` columns only where one is known."""
-    std = [name for name in STD_COLUMNS if np.isfinite(table[name].values).any()]
+    """Write a table as CSV; unknown values blank, `OPTIONAL` columns only where one is known."""
+    known = [name for name in OPTIONAL if np.isfinite(table[name].values).any()]
     columns: list[Sequence[str]] = [
         table["position"].values.tolist(),
         ["" if flag < 0 else str(flag) for flag in table["los"].values],
     ]
     ends = [table[f"{name[:2]}_position"].values[:, "xyz".index(name[3])] for name in COORDINATES]
-    values = [*ends, *(table[name].values for name in ("frequency", *VALUES, *std))]
+    values = [*ends, *(table[name].values for name in ("frequency", *VALUES, *known))]
     columns += [["" if np.isnan(value) else repr(float(value)) for value in column] for column in values]
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([*COLUMNS, *std])
+        writer.writerow([*COLUMNS, *known])
         writer.writerows(zip(*columns, strict=True))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from erm import geometry, noise
+from erm import elevation, geometry, noise
 from erm.constants import c
 from erm.errors import DataError
 from erm.geometry import FloatArray, angle_difference
@@ -71,19 +71,23 @@ def select(
     xarray.Dataset
         The table with all four ``_std`` columns filled in and, along ``mpc``:
         ``errors_known`` (false where they were filled in), ``link`` (index of the pair of antennas), ``cluster``,
-        ``reflection_loss`` [dB], ``accepted``, ``reason``, ``reflection_point`` (mpc, xyz) [m], ``normal`` [degree],
-        ``offset`` [m], ``point_covariance`` (mpc, xy, xy_2) [m2] and ``line_covariance`` (mpc, parameter,
-        parameter_2) of (normal, offset). Attributes ``errors_from`` and ``errors_count`` say what they were filled in
-        from. The
-        face is NaN where the path is not longer than the direct one.
+        ``reflection_loss`` and ``reflection_loss_std`` [dB], given that the elevation is that of a path off vertical
+        faces (`erm.elevation`; ``letter`` takes gains as measured), ``accepted``, ``reason``, ``reflection_point``
+        (mpc, xyz) [m], ``normal`` [degree], ``offset`` [m], ``point_covariance`` (mpc, xy, xy_2) [m2] and
+        ``line_covariance`` (mpc, parameter, parameter_2) of (normal, offset). Attributes ``errors_from`` and
+        ``errors_count`` say what they were filled in from. The face is NaN where the path is not longer than the direct
+        one.
     """
     if threshold not in get_args(Threshold):
         raise DataError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
     table = _with_errors(table, delay_std, azimuth_std)
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
-    loss = reflection_loss(table)
-    doubt = 2 * table["path_gain_std"].values if threshold == "consistency" else 0.0
+    loss, loss_std = reflection_loss(table), table["path_gain_std"].values
+    if threshold != "letter":
+        gain, loss_std = elevation.gain_given(table, elevation.of_vertical_faces(table))
+        loss = loss + table["path_gain"].values - gain
+    doubt = 2 * loss_std if threshold == "consistency" else 0.0
     direct = is_direct(table)
     if max_reflection_loss is None:
         max_reflection_loss = CONSISTENT_LOSS if threshold == "consistency" else MAX_REFLECTION_LOSS
@@ -115,6 +119,7 @@ def select(
             link=("mpc", link),
             cluster=("mpc", cluster),
             reflection_loss=("mpc", loss, {"units": "dB"}),
+            reflection_loss_std=("mpc", loss_std, {"units": "dB"}),
             accepted=("mpc", reason == ACCEPTED),
             reason=("mpc", reason.astype(np.str_)),
         )
@@ -203,8 +208,7 @@ def fits_vertical_face(table: "xr.Dataset") -> BoolArray:
 
 def rise(table: "xr.Dataset") -> FloatArray:
     """Elevation (mpc,) less that of a path off vertical faces [degree]; NaN where it is unknown."""
-    climb = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
-    return table["elevation"].values - np.rad2deg(np.arcsin(np.clip(climb / path_length(table), -1, 1)))
+    return np.asarray(table["elevation"].values - elevation.of_vertical_faces(table))
 
 
 def letter_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray) -> float:

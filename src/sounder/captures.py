@@ -8,7 +8,7 @@ from matplotlib.projections.polar import PolarAxes
 from numpy.typing import ArrayLike
 
 from erm.letter.captures import AS_IT_IS, Campaign, Change, Link, Measured
-from erm.mpc_table import STD_COLUMNS, VALUES, empty_table, make_table
+from erm.mpc_table import columns_of, empty_table, make_table
 from erm.trace import trace
 from sounder import figures, shipped
 from sounder.config import Sounder, parse
@@ -64,7 +64,7 @@ def measure(campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable
         filter_ = filter_ or calibrate(b2b, recording)
         groups, _ = products_of(recording, filter_, Options())
         found = groups["/mpc"]
-        columns: dict[str, ArrayLike] = {name: found[name].values for name in (*VALUES, *STD_COLUMNS)}
+        columns: dict[str, ArrayLike] = {**columns_of(found)}
         where: dict[str, ArrayLike] = {"position": link.name, "los": recording.los, "frequency": campaign.frequency}
         mpcs.append(make_table({**where, "tx_position": link.tx, "rx_position": link.rx, **columns}))
         daps[link.name] = groups["/daps"]

@@ -18,6 +18,7 @@ from sounder.kernels.peaks import Limits, search_of
 from sounder.kernels.view import View, beams_of, table_of
 from sounder.matched import OVER, Matched
 from sounder.overlap import widening
+from sounder.ridge import with_ridge
 
 Threshold = Literal["usc", "nyu"]
 Method = Literal["sage", "clean", "peaks"]
@@ -77,9 +78,10 @@ def extract(
     Returns
     -------
     xarray.Dataset
-        Along ``mpc``, strongest first, possibly none; the columns of :func:`sounder.component_table.tabulate`. The
-        attribute ``paths_outside_fan`` counts the paths left out because only sidelobes saw them, so that their angle
-        is not known; ``complete`` is 0 if more paths exceed the threshold than a table holds.
+        Along ``mpc``, strongest first, possibly none; the columns of :func:`sounder.component_table.tabulate` and
+        :func:`sounder.ridge.with_ridge`. The attribute ``paths_outside_fan`` counts the paths left out because only
+        sidelobes saw them, so that their angle is not known; ``complete`` is 0 if more paths exceed the threshold than
+        a table holds; ``period`` [s] is that of the sequence, by whole numbers of which delays may be too short.
     """
     azimuth, elevation = cir["azimuth"].values, cir["elevation"].values
     beams = np.array(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64, order="C")
@@ -109,7 +111,9 @@ def extract(
     snr = (MARGIN * found[:, component.AMPLITUDE]) ** 2 / noise[found[:, component.BEAM].astype(int)]
     wider = widening(found, snr, (azimuth, elevation), pattern, Band.of(filter_), filter_.sample_rate)[located]
     table = tabulate(found[located], noise, filter_, sounder, distance, wider=wider, fans=elevation.size > 1)
-    facts = {"threshold": threshold, "method": method, "complete": int(complete)}
+    table = with_ridge(table, (azimuth, elevation), pattern)
+    period = filter_.weight.size / filter_.sample_rate
+    facts = {"threshold": threshold, "method": method, "complete": int(complete), "period": period}
     return table.assign_attrs(facts, paths_outside_fan=int((~located).sum()))
 
 

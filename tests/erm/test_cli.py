@@ -48,6 +48,21 @@ def run(*arguments) -> int:
     return int(stop.value.code or 0)
 
 
+def test_positions_are_added_to_a_map_file(tmp_path: Path, mpcs: Path, capsys):
+    header, *rows = mpcs.read_text().splitlines()
+    for name, part in (("first", rows[:4]), ("second", rows[4:])):
+        (tmp_path / f"{name}.csv").write_text("\n".join([header, *part]) + "\n")
+    assert run("reconstruct", tmp_path / "first.csv", "--out", tmp_path / "map.h5") == 0
+    assert (
+        run("reconstruct", tmp_path / "second.csv", "--add-to", tmp_path / "map.h5", "--out", tmp_path / "all.h5") == 0
+    )
+    assert "1 wall and 0 poles from 6 of 6 components" in capsys.readouterr().out
+    assert (
+        run("reconstruct", tmp_path / "second.csv", "--add-to", tmp_path / "map.h5", "--out", tmp_path / "map.h5") == 1
+    )
+    assert "is an input, which would be replaced" in capsys.readouterr().err
+
+
 def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys):
     out, rps, figure = tmp_path / "map.geojson", tmp_path / "rps.csv", tmp_path / "map.png"
     assert run("reconstruct", mpcs, "--out", out, "--rps", rps, "--figure", figure) == 0

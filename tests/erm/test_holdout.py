@@ -49,6 +49,20 @@ def test_a_gain_that_was_measured_badly_is_told_from_one_that_is_predicted_badly
     assert score(leave_one_out(table, max_order=1, strongest=1))["positions_compatible"] == result["positions_located"]
 
 
+def test_a_gain_that_only_the_elevation_was_wrong_of_is_right_given_the_predicted_one():
+    table = street()
+    result = score(leave_one_out(table, max_order=1, strongest=1))
+    assert result["positions_given"] == result["positions_right"]  # nothing is known of the antenna
+    # seen 6 degrees too low down a lobe of 1 dB/degree
+    table["elevation"][:] = table["elevation"].values - 6.0
+    table["path_gain"][:] = table["path_gain"].values - 6.0
+    for name, value in (("elevation_std", 4.0), ("gain_slope", 1.0), ("gain_curvature", 0.0), ("path_gain_std", 4.0)):
+        table[name][:] = value
+    biased = score(leave_one_out(table, max_order=1, strongest=1))
+    assert biased["positions_right"] == 0.0
+    assert biased["positions_given"] == result["positions_right"]
+
+
 def test_a_wall_that_may_go_on_does_not_hide_what_was_seen_beside_it():
     # the far wall is seen past the end of the near one, which would hide it were it as long as it may be
     near, far = [[10.0, 8.0], [20.0, 8.0]], [[0.0, 30.0], [60.0, 30.0]]

@@ -195,7 +195,7 @@ def test_no_paths_make_an_empty_table(bench):
         assert list(made) == [
             *("delay", "azimuth", "elevation", "path_gain"),
             *("delay_std", "azimuth_std", "elevation_std", "path_gain_std"),
-            *("snr", "misfit", "may_be_wrapped", "covariance"),
+            *("snr", "misfit", "may_be_wrapped", "covariance", "gain_slope", "gain_curvature"),
         ]
 
 

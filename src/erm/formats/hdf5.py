@@ -2,13 +2,16 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from erm.errors import DataError
 from erm.formats.columns import COVARIANCES, DEFAULTS, ENDS, Columns
 from erm.storage import open_group, write_product
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 UNITS = (
     dict.fromkeys((*ENDS, "radius", "base", "top", "offset"), "m")
@@ -18,8 +21,11 @@ UNITS = (
 SCENE = ("ground", "ceiling", "materials", "georeference")
 
 
-def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
-    """Write columns as variables over ``reflector``; ground, ceiling and materials as JSON attributes."""
+def write(columns: Columns, scene: dict[str, Any], path: Path, mpcs: "xr.Dataset | None" = None) -> None:
+    """Write columns as variables over ``reflector``; ground, ceiling and materials as JSON attributes.
+
+    Components that the map was made from, if given, become the group ``/mpc``.
+    """
     import xarray as xr
 
     table = xr.Dataset(
@@ -34,7 +40,7 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
             table[name].attrs["units"] = UNITS[name]
         elif name in ("kind", "material"):
             table[name].encoding["dtype"] = str  # an empty table of objects would not say it holds words
-    write_product({"/": table}, path)
+    write_product({"/": table} if mpcs is None else {"/": table, "/mpc": mpcs}, path)
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:

@@ -83,7 +83,9 @@ class Images:
         return first[agree], second[agree]
 
 
-def find_groups(paths: Paths, min_support: int, known: Sequence[Group] = ()) -> list[Group]:
+def find_groups(
+    paths: Paths, min_support: int, known: Sequence[Group] = (), seeds: BoolArray | None = None
+) -> list[Group]:
     """Explain the paths by lines that at least ``min_support`` links agree on.
 
     Seeds are taken in the order of how many partners agree with them, then of their loss. Each seed and its partners
@@ -94,6 +96,8 @@ def find_groups(paths: Paths, min_support: int, known: Sequence[Group] = ()) -> 
     ----------
     known : sequence of Group
         Lines of an earlier search in a part of the paths; they gather first.
+    seeds : array (path,) of bool, optional
+        Paths that new lines may start from; by default all.
     """
     if len(paths) == 0:
         return []
@@ -116,6 +120,8 @@ def find_groups(paths: Paths, min_support: int, known: Sequence[Group] = ()) -> 
     agreeing = _distinct_links(first, paths.link[second], len(paths))
     several = len(images.transmitters) > 1  # a wall may have one path from each of several transmitters
     enough = agreeing >= (1 if several else min_support - 1)
+    if seeds is not None:
+        enough &= seeds
     order = np.lexsort((paths.length, np.round(paths.loss, 6), -agreeing))
     for seed in order[enough[order]]:
         if not free[seed]:
