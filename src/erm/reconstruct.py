@@ -3,31 +3,28 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from erm.constants import c
 from erm.environment import Environment, Slab, make_reflectors
-from erm.geometry import FloatArray
 from erm.materials import Material
 from erm.mpc_table import path_length
-from erm.noise import LEAST, scale, widened
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
-from erm.walls.consensus import Group, find_groups
+from erm.walls.consensus import find_groups
 from erm.walls.decide import ACCIDENTAL, Verdict, decide
 from erm.walls.extent import MOST_MARGIN, Legs, ends_of
 from erm.walls.loss import refractive_index_squared
+from erm.walls.paths import IntArray, Paths
 from erm.walls.pieces import Links
 from erm.walls.poles import Pole, find_poles
-from erm.walls.wall import IntArray, Paths, Wall, bounce_points, fit_line, residuals
+from erm.walls.search import joined, search
+from erm.walls.turns import Group
+from erm.walls.wall import Wall
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FEWEST = 6  # residuals beyond the parameters that are fitted to them, to estimate errors from
 CLEAR = 3.0  # standard errors by which the strain of a wall must exceed 1, to say that its errors were too small
 COVERED = "no wall shared with other positions"
-SURVEY_LENGTH = 0.01  # m; antennas are surveyed to a centimetre, and 30 ps of a clock are as much
-SURVEY_AZIMUTH = 0.2  # degree; the heading of a mast
 
 
 def reconstruct(
@@ -81,107 +78,6 @@ def _poles(table: "xr.Dataset", taken: IntArray, walls: list[Wall], min_support:
     possible[taken] = False
     paths = paths_of(table, np.flatnonzero(possible & fits_vertical_face(table)))
     return find_poles(paths, walls, min_support), paths
-
-
-def search(paths: Paths, known: npt.NDArray[np.bool_], min_support: int, count: int = 0) -> tuple[Paths, list[Group]]:
-    """Groups of paths with common images, and the paths with the errors that these groups show.
-
-    Where a table gives no errors (``known`` false) those of the paths are first what `select` made of ``count`` direct
-    paths, then what these and the residuals show. Where it does, what the residuals show beyond them is added: survey
-    and clock shift all paths of a link alike, which the table cannot know. So as not to leave out the links that show
-    it, the first search allows for such errors.
-    """
-    first = paths
-    length_std = np.where(known, np.hypot(first.length_std, SURVEY_LENGTH), first.length_std)
-    azimuth_std = np.where(known, np.hypot(first.azimuth_std, SURVEY_AZIMUTH), first.azimuth_std)
-    paths = first.with_errors(length_std, azimuth_std)
-    groups = find_groups(paths, min_support)
-    for _ in range(2):
-        adapted = _adapted(first, paths, known, count, groups)
-        if adapted is None:
-            break
-        paths = adapted
-        groups = find_groups(paths, min_support)
-    return paths, groups
-
-
-def joined(first: Paths, groups: list[Group], paths: Paths, min_support: int) -> tuple[Paths, list[Group]]:
-    """Let paths that may have lost too much join the groups of ``first``, the others, and make groups of their own.
-
-    Their errors are widened as those of the others were; to the estimate of errors they add nothing.
-    """
-    if len(first) == len(paths):
-        return first, groups
-    at = np.searchsorted(paths.row, first.row)
-    wider = []
-    for name in ("length_std", "azimuth_std"):
-        own = getattr(paths, name)
-        grown = own * (float(np.median(getattr(first, name) / own[at])) if len(first) else 1.0)
-        grown[at] = getattr(first, name)
-        wider.append(grown)
-    paths = paths.with_errors(*wider)
-    known = [Group(group.line, at[group.members]) for group in groups]
-    grown = find_groups(paths, min_support, known)
-    sure = np.zeros(len(paths), dtype=bool)
-    sure[at] = True
-    return paths, [_not_longer(paths, group, sure, min_support) for group in grown]
-
-
-def _not_longer(paths: Paths, group: Group, sure: npt.NDArray[np.bool_], min_support: int) -> Group:
-    """A group without the unsure paths beyond its sure ones: those make no wall longer that these have found."""
-    line, members = group
-    certain = sure[members]
-    if certain.sum() < min_support:
-        return group
-    along = line.along(bounce_points(line, paths.tx[members], paths.rx[members]))
-    within = (along >= along[certain].min()) & (along <= along[certain].max())
-    kept = members[certain | within]
-    return Group(fit_line(paths.take(kept), line), kept)
-
-
-def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: int, groups: list[Group]) -> Paths | None:
-    """The paths with errors that agree with the residuals of groups; None where they do already."""
-    white, kept = _white_residuals(paths, groups)
-    members = np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])
-    new = []
-    for column, (std, start, least) in enumerate(
-        (
-            (paths.length_std, first.length_std, LEAST[0] * c),
-            (paths.azimuth_std, first.azimuth_std, LEAST[1]),
-        )
-    ):
-        values = white[kept[:, column], column]
-        if len(values) < FEWEST:
-            new.append(np.where(known, start, std))
-            continue
-        factor = scale(values)
-        rows = members[kept[:, column]]
-        residual = values * std[rows]
-        wider = widened(residual, start[rows], start)
-        pooled = np.sqrt((count * start**2 + len(values) * (std * factor) ** 2) / (count + len(values)))
-        new.append(np.where(known, wider, np.maximum(pooled, least)))
-    changed = max(
-        float(np.abs(np.log(a / b)).max(initial=0.0))
-        for a, b in zip(new, (paths.length_std, paths.azimuth_std), strict=True)
-    )
-    return paths.with_errors(*new) if changed > 0.1 else None
-
-
-def _white_residuals(paths: Paths, groups: list[Group]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Residuals (n, 2) of length and azimuth in standard errors, and which of them a fit left room to.
-
-    A residual ``r`` with leverage ``h`` has the variance ``(1 - h) s**2``; two parameters swallow most of the
-    lengths of three paths and little of their azimuths.
-    """
-    white, room = [np.empty((0, 2))], [np.empty((0, 2))]
-    for group in groups:
-        members = paths.take(group.members)
-        residual, jacobian = residuals(members, group.line)
-        std = np.stack([members.length_std, members.azimuth_std], axis=-1)
-        leverage = np.einsum("nip,pq,niq->ni", jacobian, group.line.covariance, jacobian) / std**2
-        room.append(np.clip(1 - leverage, 0.0, 1.0))
-        white.append(residual / (std * np.sqrt(np.maximum(room[-1], 0.1))))
-    return np.concatenate(white), np.concatenate(room) > 0.2
 
 
 def _witnesses(paths: Paths, groups: list[Group]) -> list[Wall]:

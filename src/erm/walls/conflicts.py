@@ -8,8 +8,9 @@ import shapely
 
 from erm.geometry import FloatArray
 from erm.walls.extent import CLEARANCE, Footprint, Legs, footprint, legs_of, stretches
+from erm.walls.paths import BoolArray, IntArray
 from erm.walls.pieces import SOLID_GAP, span
-from erm.walls.wall import BoolArray, IntArray, Wall
+from erm.walls.wall import Wall
 
 BEYOND = 25.0  # m; how far beyond its reflection points a wall may go on
 FADE = 8.0  # m; over which the belief that it does falls to 1/e

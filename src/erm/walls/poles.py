@@ -14,11 +14,13 @@ from scipy.special import gammainc
 from erm.geometry import FloatArray, angle_difference, azimuth_of, point_covariance, reflection_point
 from erm.walls.chance import UNSEEN
 from erm.walls.conflicts import BEYOND
-from erm.walls.consensus import GATE, find_groups
+from erm.walls.consensus import find_groups
 from erm.walls.extent import Footprint, Legs, footprint, stretches
+from erm.walls.images import GATE
 from erm.walls.loss import weighted_quantile
+from erm.walls.paths import IntArray, Paths
 from erm.walls.pieces import SOLID_GAP
-from erm.walls.wall import IntArray, Paths, Wall
+from erm.walls.wall import Wall
 
 REACH = 2.0  # m; members' points lie this near to a pole
 DEPTH = 0.05  # m; a path ends on the pole's surface, not in its centre
