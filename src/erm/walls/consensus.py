@@ -35,34 +35,34 @@ def find_groups(paths: Paths, min_support: int, known: Sequence[Group] = ()) -> 
     if len(paths) == 0:
         return []
     images = Images(paths)
-    turns = Turns(paths.row, max(min_support, 2))
+    turns = Turns[Group](paths.row, max(min_support, 2))
     if known:
         lines = Lines.of([group.line for group in known])
         turns.take(np.arange(len(known)), lambda some, free: _grown(images, lines.take(some), free))
     partners = images.partners()
-    agreeing = _distinct_links(partners, paths.link)
+    agreeing = partners.distinct(paths.link)
     several = len(images.transmitters) > 1  # a wall may have one path from each of several transmitters
     enough = agreeing >= (1 if several else min_support - 1)
     order = np.lexsort((paths.length, np.round(paths.loss, 6), -agreeing))
     turns.take(order[enough[order]], lambda seeds, free: _from_seeds(images, seeds, partners, free), partners)
-    return _reassigned(images, turns.groups, min_support)
+    return _reassigned(images, turns.found, min_support)
 
 
-def _from_seeds(images: Images, seeds: IntArray, partners: Ragged, free: BoolArray) -> list[Trial]:
+def _from_seeds(images: Images, seeds: IntArray, partners: Ragged, free: BoolArray) -> list[Trial[Group]]:
     """Groups that grow from seeds and their free partners."""
     nothing = np.empty(0, dtype=np.int64)
-    trials = [Trial(None, nothing)] * len(seeds)
+    trials: list[Trial[Group]] = [Trial(None, nothing)] * len(seeds)
     own = partners.take(seeds)
     own = own.kept(free[own.rows])
     some = np.flatnonzero(own.sizes)
     if len(some):
         lines, seen = best_starts(images, seeds[some], own.take(some), free)
         for number, trial, before in zip(some.tolist(), _grown(images, lines, free), seen, strict=True):
-            trials[number] = Trial(trial.group, np.concatenate([before, trial.seen]))
+            trials[number] = Trial(trial.found, np.concatenate([before, trial.seen]))
     return trials
 
 
-def _grown(images: Images, lines: Lines, free: BoolArray) -> list[Trial]:
+def _grown(images: Images, lines: Lines, free: BoolArray) -> list[Trial[Group]]:
     """Groups that lines gather."""
     lines, members, seen = settle(images, lines, free)
     return [
@@ -99,9 +99,3 @@ def _reassigned(images: Images, groups: list[Group], min_support: int) -> list[G
     lines, members, fewer = lines.take(enough), left.take(enough), np.flatnonzero((left.sizes < before)[enough])
     lines = lines.put(fewer, fit_lines(paths, members.take(fewer), lines.take(fewer)))
     return [Group(lines.one(number), own) for number, own in enumerate(members)]
-
-
-def _distinct_links(partners: Ragged, link: IntArray) -> IntArray:
-    """Number (path,) of different links among the partners of each path."""
-    key = np.unique(partners.owner * (link.max(initial=0) + 1) + link[partners.rows])
-    return np.bincount(key // (link.max(initial=0) + 1), minlength=len(partners))

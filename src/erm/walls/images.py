@@ -63,7 +63,7 @@ class Images:
 
     def around(self, points: FloatArray, transmitter: IntArray, radius: FloatArray | float) -> Ragged:
         """Paths whose images lie within radii of points (n, 2), each of one transmitter (n,)."""
-        return _near(self.tree, points, transmitter * self.apart, radius)
+        return within(self.tree, np.column_stack([points, transmitter * self.apart]), radius)
 
     def about(self, lines: Lines) -> tuple[IntArray, IntArray]:
         """Pairs (line, path) in which a path may agree with a line: its image lies near the line's of its transmitter.
@@ -81,10 +81,11 @@ class Images:
         wide = (
             np.deg2rad(np.deg2rad(turn)) * (depth[line, front] ** 2 + aside**2) - 2 * np.deg2rad(both) * aside + shift
         )
+        places = np.column_stack([images, front * self.apart])
         pairs = []
         for layer in self.layers:
             radius = MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide))
-            near = _near(layer.tree, images, front * self.apart, np.minimum(radius, self.radius))
+            near = within(layer.tree, places, np.minimum(radius, self.radius))
             pairs.append((line[near.owner], layer.rows[near.rows]))
         of, rows = zip(*pairs, strict=True)
         return np.concatenate(of), np.concatenate(rows)
@@ -107,11 +108,11 @@ class Images:
         return Ragged.of_pairs(first[agree], second[agree], len(self.paths))
 
 
-def _near(tree: cKDTree, points: FloatArray, third: FloatArray, radius: FloatArray | float) -> Ragged:
-    """Rows of a tree within radii of points (n, 2) of a third coordinate (n,)."""
-    if len(points) == 0 or tree.n == 0:
-        return Ragged(np.empty(0, dtype=np.int64), np.zeros(len(points) + 1, dtype=np.int64))
-    near = np.asarray(tree.query_ball_point(np.column_stack([points, third]), radius, return_sorted=False))
+def within(tree: cKDTree, places: FloatArray, radius: FloatArray | float) -> Ragged:
+    """Rows of a tree that lie within radii of places (n, coordinate)."""
+    if len(places) == 0 or tree.n == 0:
+        return Ragged(np.empty(0, dtype=np.int64), np.zeros(len(places) + 1, dtype=np.int64))
+    near = np.asarray(tree.query_ball_point(places, radius, return_sorted=False))
     start = np.concatenate([[0], np.cumsum([len(one) for one in near])])
     return Ragged(np.fromiter(chain.from_iterable(near), dtype=np.int64, count=start[-1]), start)
 

@@ -21,6 +21,10 @@ class Frame(NamedTuple):
         """Signed distance (...) of points (..., 2 or more) in front of the line [m]."""
         return (points[..., 0] - self.px) * self.nx + (points[..., 1] - self.py) * self.ny - self.offset
 
+    def along(self, points: FloatArray) -> FloatArray:
+        """Coordinate (...) of points (..., 2 or more) along the line, left of its normal [m]."""
+        return (points[..., 1] - self.py) * self.nx - (points[..., 0] - self.px) * self.ny
+
     def bounce(self, tx: FloatArray, rx: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return where (path, 3) paths between antennas (path, 3) bounce off, as columns [m].
 
@@ -70,8 +74,7 @@ class Line(NamedTuple):
 
     def along(self, points: FloatArray) -> FloatArray:
         """Coordinate (...) of points (..., 2 or more) along the line, left of its normal [m]."""
-        frame = self.frame()
-        return (points[..., 1] - frame.py) * frame.nx - (points[..., 0] - frame.px) * frame.ny
+        return self.frame().along(points)
 
 
 class Lines(NamedTuple):

@@ -64,6 +64,11 @@ class Ragged:
         """Return the lists without the rows that a mask (row,) leaves out."""
         return Ragged(self.rows[mask], np.concatenate([[0], np.cumsum(mask)])[self.start])
 
+    def distinct(self, key: IntArray) -> IntArray:
+        """Number (list,) of different keys, given for all rows there are, among those of each list."""
+        span = int(key.max(initial=0)) + 1
+        return np.bincount(np.unique(self.owner * span + key[self.rows]) // span, minlength=len(self))
+
     def part(self, lists: slice) -> "Ragged":
         """Return consecutive lists."""
         start = self.start[lists.start : lists.stop + 1]

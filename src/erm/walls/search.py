@@ -67,8 +67,7 @@ def _not_longer(paths: Paths, groups: list[Group], sure: npt.NDArray[np.bool_], 
     lines, members = Lines.of([group.line for group in groups]), Ragged.of_lists([group.members for group in groups])
     of, certain = members.owner, sure[members.rows]
     frames = lines.frames(of)
-    east, north, _ = frames.bounce(paths.tx[members.rows], paths.rx[members.rows])
-    along = (north - frames.py) * frames.nx - (east - frames.px) * frames.ny
+    along = frames.along(np.stack(frames.bounce(paths.tx[members.rows], paths.rx[members.rows]), axis=-1))
     low, high = np.full(len(groups), np.inf), np.full(len(groups), -np.inf)
     np.minimum.at(low, of[certain], along[certain])
     np.maximum.at(high, of[certain], along[certain])
