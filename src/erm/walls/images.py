@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from erm.geometry import FloatArray, unit
+from erm.walls.grid import Grid
 from erm.walls.line import Lines
 from erm.walls.paths import IntArray, Paths
 from erm.walls.ragged import Ragged
@@ -14,8 +15,8 @@ from erm.walls.ragged import Ragged
 GATE = 13.8  # chi-squared of 2 degrees of freedom that one true path in a thousand exceeds
 REACH = 4.0  # standard errors of azimuth within which an image is looked for
 NEIGHBOURS = 24  # nearest images looked at for partners of a seed
-LAYERS = (0.75, 0.97)  # shares of paths that are looked for in trees of their own, the surest first
-FEW = 1000  # paths that one tree is enough for
+LAYERS = (0.75, 0.97)  # shares of paths that are looked for in grids of their own, the surest first
+FEW = 1000  # paths that one grid is enough for
 MARGIN = 1.25  # of what a path's own range departs from the line's
 
 
@@ -24,7 +25,7 @@ class Layer(NamedTuple):
 
     rows: IntArray
     spread: float  # m2; largest variance of an image, along and across
-    tree: cKDTree
+    grid: Grid
 
 
 class Images:
@@ -59,7 +60,9 @@ class Images:
         self.layers = []
         for number in np.unique(layer):
             rows = np.flatnonzero(layer == number)
-            self.layers.append(Layer(rows, float(spread[rows].max()), cKDTree(places[rows])))
+            most = float(spread[rows].max())
+            grid = Grid(self.points[rows], paths.transmitter[rows], MARGIN * float(np.sqrt(GATE * most)))
+            self.layers.append(Layer(rows, most, grid))
 
     def around(self, points: FloatArray, transmitter: IntArray, radius: FloatArray | float) -> Ragged:
         """Paths whose images lie within radii of points (n, 2), each of one transmitter (n,)."""
@@ -81,12 +84,11 @@ class Images:
         wide = (
             np.deg2rad(np.deg2rad(turn)) * (depth[line, front] ** 2 + aside**2) - 2 * np.deg2rad(both) * aside + shift
         )
-        places = np.column_stack([images, front * self.apart])
         pairs = []
         for layer in self.layers:
             radius = MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide))
-            near = within(layer.tree, places, np.minimum(radius, self.radius))
-            pairs.append((line[near.owner], layer.rows[near.rows]))
+            near, path = layer.grid.within(images, front, np.minimum(radius, self.radius))
+            pairs.append((line[near], layer.rows[path]))
         of, rows = zip(*pairs, strict=True)
         return np.concatenate(of), np.concatenate(rows)
 
@@ -96,8 +98,12 @@ class Images:
         if count < 2:
             return Ragged(np.empty(0, dtype=np.int64), np.zeros(len(self.paths) + 1, dtype=np.int64))
         radius = REACH * np.sqrt(2) * float(self.across.max())
-        _, near = self.tree.query(self.tree.data, k=count, distance_upper_bound=max(radius, 1e-6), workers=-1)
-        first = np.repeat(np.arange(len(self.paths)), count)
+        # neighbours one after another find the same part of the tree in the processor's cache
+        order = self.tree.indices
+        bound = max(radius, 1e-6)
+        near = np.empty((len(order), count), dtype=np.int64)
+        near[order] = self.tree.query(self.tree.data[order], k=count, distance_upper_bound=bound, workers=-1)[1]
+        first = np.repeat(np.arange(len(order)), count)
         second = near.ravel()
         kept = second < len(self.paths)
         first, second = first[kept], second[kept]

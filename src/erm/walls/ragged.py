@@ -67,7 +67,8 @@ class Ragged:
     def distinct(self, key: IntArray) -> IntArray:
         """Number (list,) of different keys, given for all rows there are, among those of each list."""
         span = int(key.max(initial=0)) + 1
-        return np.bincount(np.unique(self.owner * span + key[self.rows]) // span, minlength=len(self))
+        pairs = np.sort(self.owner * span + key[self.rows])
+        return np.bincount(pairs[first_of_each(pairs)] // span, minlength=len(self))
 
     def part(self, lists: slice) -> "Ragged":
         """Return consecutive lists."""
