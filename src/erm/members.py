@@ -9,8 +9,8 @@ from erm.environment import Environment
 from erm.errors import DataError
 from erm.mpc_table import OPTIONAL, VALUES
 from erm.storage import open_group
+from erm.walls.paths import IntArray
 from erm.walls.search import FRESH
-from erm.walls.wall import IntArray
 
 if TYPE_CHECKING:
     import xarray as xr

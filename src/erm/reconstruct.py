@@ -9,14 +9,17 @@ from erm.environment import Environment, Slab, make_reflectors
 from erm.materials import Material
 from erm.mpc_table import path_length
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
-from erm.walls.consensus import Group, find_groups
+from erm.walls.consensus import find_groups
 from erm.walls.decide import ACCIDENTAL, Verdict, decide
 from erm.walls.extent import MOST_MARGIN, Legs, ends_of
 from erm.walls.loss import refractive_index_squared
+from erm.walls.paths import IntArray, Paths
 from erm.walls.pieces import Links
-from erm.walls.poles import Pole, find_poles
+from erm.walls.poles import find_poles
+from erm.walls.scatterers import Pole
 from erm.walls.search import joined, search
-from erm.walls.wall import IntArray, Paths, Wall
+from erm.walls.turns import Group
+from erm.walls.wall import Wall
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -149,20 +149,21 @@ def clusters(
     strongest : array (mpc,) of bool
     """
     delay, azimuth, gain = (table[name].values for name in ("delay", "azimuth", "path_gain"))
-    cluster = np.full(len(delay), -1)
     strongest = np.zeros(len(delay), dtype=bool)
-    count = 0
-    order = np.lexsort((azimuth, delay, -gain, link))
-    for rows in np.split(order, np.flatnonzero(np.diff(link[order])) + 1):
-        while len(rows):
-            head = rows[0]
-            strongest[head] = True
-            apart = ((delay[rows] - delay[head]) / delay_window) ** 2
-            apart += (angle_difference(azimuth[rows], azimuth[head]) / azimuth_window) ** 2
-            cluster[rows[apart <= 1]] = count
-            rows = rows[apart > 1]
-            count += 1
-    return cluster, strongest
+    round_of = np.zeros(len(delay), dtype=np.int64)
+    left = np.lexsort((azimuth, delay, -gain, link))
+    rounds = 0
+    while len(left):  # all links at once: the strongest left of each claims its cluster
+        first = np.r_[True, np.diff(link[left]) != 0]
+        head = left[first][np.cumsum(first) - 1]
+        strongest[left[first]] = True
+        apart = ((delay[left] - delay[head]) / delay_window) ** 2
+        apart += (angle_difference(azimuth[left], azimuth[head]) / azimuth_window) ** 2
+        round_of[left[apart <= 1]] = rounds
+        left = left[apart > 1]
+        rounds += 1
+    numbers = np.unique(link * max(rounds, 1) + round_of, return_inverse=True)[1]
+    return numbers.ravel(), strongest
 
 
 def reflection_loss(table: "xr.Dataset") -> FloatArray:
@@ -237,8 +238,13 @@ def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: floa
     source = "the table" if known.all() else found.source if delay_std is azimuth_std is None else "the caller"
     count = found.sample if source == found.source else 0
     return table.assign(
-        {name: table[name].fillna(value) for name, value in given.items()} | {"errors_known": ("mpc", known)}
+        {name: table[name].copy(data=_filled(table[name].values, value)) for name, value in given.items()}
+        | {"errors_known": ("mpc", known)}
     ).assign_attrs(errors_from=source, errors_count=count)
+
+
+def _filled(values: FloatArray, value: float) -> FloatArray:
+    return np.where(np.isnan(values), value, values)
 
 
 def _at_bearing_of_transmitter(table: "xr.Dataset") -> BoolArray:

@@ -14,8 +14,11 @@ from erm.mpc_table import empty_table, make_table
 from erm.outline import read_outline
 from erm.reconstruct import reconstruct
 from erm.select import select
+from erm.walls.fit import fit_line
+from erm.walls.line import seed_line
+from erm.walls.paths import Paths
 from erm.walls.phantom import composed_of, mirror_of
-from erm.walls.wall import Paths, Wall, fit_line, seed_line
+from erm.walls.wall import Wall
 
 FREQUENCY = 132e9
 TX = np.array([[5.0, 12.0, 28.4], [62.0, 40.0, 20.0]])

@@ -10,8 +10,10 @@ import numpy as np
 from scipy.special import gammainc
 
 from erm.geometry import FloatArray
-from erm.walls.consensus import GATE, REACH, Images
-from erm.walls.wall import Wall, anchors, misfit
+from erm.walls.fit import misfit
+from erm.walls.images import GATE, REACH, Images
+from erm.walls.line import anchors
+from erm.walls.wall import Wall
 
 RING = 3.0  # outer radius of the ring that is counted, in radii of the gate
 ASTRAY = 0.1  # share of members that others disturbed
@@ -40,7 +42,7 @@ def odds_against_chance(walls: Sequence[Wall], asked: Sequence[bool]) -> FloatAr
     for number in np.flatnonzero(asked).tolist():
         wall = walls[number]
         front = np.flatnonzero(wall.line.depth(images.transmitters) > 0)
-        near = images.around(anchors(wall.line, images.transmitters[front]), front, radius)
+        near = np.sort(images.around(anchors(wall.line, images.transmitters[front]), front, radius).rows)
         near = near[(size[near] <= wall.support) & ~np.isin(near, wall.members)]
         chi2 = misfit(paths.take(near), wall.line)
         chance = (np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE)) + UNSEEN) / (RING**2 - 1)

@@ -8,13 +8,16 @@ import shapely
 
 from erm.geometry import FloatArray
 from erm.walls.extent import CLEARANCE, Footprint, Legs, footprint, legs_of, stretches
-from erm.walls.pieces import SOLID_GAP, span
-from erm.walls.wall import BoolArray, IntArray, Wall
+from erm.walls.line import Frame, Lines
+from erm.walls.paths import BoolArray, IntArray
+from erm.walls.pieces import SOLID_GAP, as_lines, span
+from erm.walls.wall import Wall
 
 BEYOND = 25.0  # m; how far beyond its reflection points a wall may go on
 FADE = 8.0  # m; over which the belief that it does falls to 1/e
 TALLER = 3.0  # m; a storey: how much above its reflection points a wall may go on
 NOBODY = -1
+BATCH = 16384  # legs held against faces in one go
 
 
 class Conflicts:
@@ -30,20 +33,23 @@ class Conflicts:
 
     def __init__(self, walls: Sequence[Wall], sight: Legs) -> None:
         self.support = np.array([wall.support for wall in walls], dtype=np.int64)
-        self.prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
-        legs = [legs_of(wall) for wall in walls]
-        start = np.vstack([sight.start, *(leg.start for leg in legs)])
-        end = np.vstack([sight.end, *(leg.end for leg in legs)])
-        owner = np.r_[np.full(len(sight.start), NOBODY), np.repeat(np.arange(len(walls)), 2 * self.support)]
-        member = np.concatenate([np.arange(len(sight.start)), *(np.tile(np.arange(n), 2) for n in self.support)])
-        from_rx = np.concatenate(
-            [np.zeros(len(sight.start), dtype=bool), *(np.repeat([False, True], n) for n in self.support)]
-        )
-        leg, face = _meetings(start, end, self.prints)
-        hard, shade = self._crossings(start[leg], end[leg], face)
-        kept = (shade > 0) & (owner[leg] != face)
-        leg, self.face, self.hard, self.shade = leg[kept], face[kept], hard[kept], shade[kept]
-        self.owner, self.member, self.from_rx = owner[leg], member[leg], from_rx[leg]
+        faces = Faces([footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls])
+        first = len(sight.start)
+        owner = np.r_[np.full(first, NOBODY), np.repeat(np.arange(len(walls)), 2 * self.support)]
+        edge = first + 2 * np.cumsum(self.support) - 2 * self.support
+        place = np.arange(len(owner)) - np.r_[np.zeros(first, dtype=np.int64), np.repeat(edge, 2 * self.support)]
+        half = np.r_[np.full(first, first), np.repeat(self.support, 2 * self.support)]
+        legs = [sight, *(legs_of(wall) for wall in walls)]
+        start, end = (np.vstack(ends) for ends in zip(*legs, strict=True))
+        met = []
+        for low in range(0, max(len(owner), 1), BATCH):
+            leg, face, hard, shade = faces.crossings(start[low : low + BATCH], end[low : low + BATCH])
+            leg += low
+            kept = (shade > 0) & (owner[leg] != face)
+            met.append((leg[kept], face[kept], hard[kept], shade[kept]))
+        leg, self.face, self.hard, self.shade = (np.concatenate(column) for column in zip(*met, strict=True))
+        self.owner, self.from_rx = owner[leg], place[leg] >= half[leg]
+        self.member = place[leg] - self.from_rx * half[leg]
         self._by_owner = _slices(self.owner, len(walls))
         self._by_face = _slices(self.face, len(walls))
 
@@ -72,38 +78,52 @@ class Conflicts:
         first, second = shade.mean(axis=1)
         return float(first), float(second)
 
-    def _crossings(self, start: FloatArray, end: FloatArray, face: IntArray) -> tuple[BoolArray, FloatArray]:
-        """Whether legs (n, 3) pass through faces (n,) for certain, and how likely it is that they would."""
-        hard = np.zeros(len(face), dtype=bool)
-        shade = np.zeros(len(face))
-        for number, rows in enumerate(_slices(face, len(self.prints))):
-            if len(rows):
-                hard[rows], shade[rows] = _through(self.prints[number], start[rows], end[rows])
-        return hard, shade
 
+class Faces:
+    """Where candidates are known to stand, and where they may go on.
 
-def _through(print_: Footprint, start: FloatArray, end: FloatArray) -> tuple[BoolArray, FloatArray]:
-    """Whether legs (n, 3) pass through a wall where it stands, and where it may stand."""
-    before, after = print_.line.depth(start), print_.line.depth(end)
-    through = (np.minimum(before, after) < -CLEARANCE) & (np.maximum(before, after) > CLEARANCE)
-    share = np.where(through, before, 0.0) / np.where(through, before - after, 1.0)
-    met = start + share[:, None] * (end - start)
-    place = print_.line.along(met)[:, None]
-    outside = np.maximum(np.maximum(print_.low - place, place - print_.high), 0)
-    hard = ((outside == 0) & (met[:, 2:] < print_.top)).any(axis=1)
-    shade = np.where(met[:, 2:] < print_.top + TALLER, np.exp(-outside / FADE), 0.0).max(axis=1)
-    return through & hard, np.where(through, shade, 0.0)
+    Parameters
+    ----------
+    prints : sequence of Footprint
+    """
 
+    def __init__(self, prints: Sequence[Footprint]) -> None:
+        spans = np.array([span(print_, BEYOND) for print_ in prints]).reshape(-1, 2, 2)
+        self._tree = shapely.STRtree(shapely.linestrings(spans))
+        self._frames = np.stack(Lines.of([print_.line for print_ in prints]).frames())
+        self._pieces = np.array([len(print_.low) for print_ in prints], dtype=np.int64)
+        most = int(self._pieces.max(initial=0))
+        self._low, self._high, self._top = np.full((3, most, len(prints)), np.nan)
+        for number, (_, low, high, top) in enumerate(prints):
+            self._low[: len(low), number], self._high[: len(low), number], self._top[: len(low), number] = (
+                low,
+                high,
+                top,
+            )
+        self._least = np.nanmin(self._low, axis=0, initial=np.inf) - BEYOND
+        self._most = np.nanmax(self._high, axis=0, initial=-np.inf) + BEYOND
 
-def _meetings(start: FloatArray, end: FloatArray, prints: Sequence[Footprint]) -> tuple[IntArray, IntArray]:
-    """Pairs (leg, candidate) that meet seen from above, the candidates' faces prolonged by `BEYOND`."""
-    if not prints or not len(start):
-        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-    faces = np.array([span(print_, BEYOND) for print_ in prints])
-    tree = shapely.STRtree(shapely.linestrings(faces))
-    lines = shapely.linestrings(np.stack([start[:, :2], end[:, :2]], axis=1))
-    leg, face = tree.query(lines, predicate="intersects")
-    return leg, face
+    def crossings(self, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
+        """Pairs (leg, face) that meet, whether they do for certain, and how likely it is that they would."""
+        leg, face = self._tree.query(as_lines(start, end))
+        frame = Frame(*self._frames[:, face])
+        before, after = frame.depth(start[leg]), frame.depth(end[leg])
+        through = np.flatnonzero((np.minimum(before, after) < -CLEARANCE) & (np.maximum(before, after) > CLEARANCE))
+        leg, face, before, after = leg[through], face[through], before[through], after[through]
+        met = start[leg] + (before / (before - after))[:, None] * (end[leg] - start[leg])
+        place, height = Frame(*self._frames[:, face]).along(met), met[:, 2]
+        near = np.flatnonzero((place >= self._least[face]) & (place <= self._most[face]))
+        leg, face, place, height = leg[near], face[near], place[near], height[near]
+        hard, shade = np.zeros(len(leg), dtype=bool), np.zeros(len(leg))
+        of = np.arange(len(leg))
+        for number, (low, high, top) in enumerate(zip(self._low, self._high, self._top, strict=True)):
+            of = of[self._pieces[face[of]] > number]
+            here = face[of]
+            outside = np.maximum(np.maximum(low[here] - place[of], place[of] - high[here]), 0)
+            hard[of] |= (outside == 0) & (height[of] < top[here])
+            may = np.where(height[of] < top[here] + TALLER, np.exp(-outside / FADE), 0.0)
+            shade[of] = np.maximum(shade[of], may)
+        return leg, face, hard, shade
 
 
 def _slices(key: IntArray, count: int) -> list[IntArray]:

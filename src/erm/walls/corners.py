@@ -9,8 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from erm.geometry import angle_difference, unit
+from erm.walls.line import anchors
 from erm.walls.loss import loss_error, typical_loss
-from erm.walls.wall import Wall, anchors
+from erm.walls.wall import Wall
 
 SHARP = 0.2  # m; a corner known worse than this lies on some wall by accident
 SMOOTH = 2e-3  # m; facades are not mirrors to better than this

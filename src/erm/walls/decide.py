@@ -9,13 +9,15 @@ from erm.geometry import angle_difference
 from erm.select import CONSISTENT_LOSS
 from erm.walls.chance import odds_against_chance
 from erm.walls.conflicts import Conflicts
-from erm.walls.consensus import GATE
 from erm.walls.corners import corners_on
 from erm.walls.extent import Legs, Stretch
+from erm.walls.fit import fit_line, misfit
+from erm.walls.images import GATE
 from erm.walls.loss import SCATTER, loss_at_normal_incidence, loss_error, typical_loss, weighted_quantile
+from erm.walls.paths import BoolArray, IntArray
 from erm.walls.phantom import composed_of, mirror_of, orders_of_hidden_walls
 from erm.walls.pieces import Links, pieces_of
-from erm.walls.wall import BoolArray, IntArray, Wall, fit_line, misfit
+from erm.walls.wall import Wall
 
 TWIN_OFFSET = 0.02  # m; lines nearer than this, or than their errors, are one
 TWIN_ANGLE = 0.2  # degree

@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from erm.geometry import FloatArray
-from erm.walls.wall import BoolArray, IntArray, Line, Wall, bounce_points
+from erm.walls.line import Line, bounce_points
+from erm.walls.paths import BoolArray, IntArray
+from erm.walls.wall import Wall
 
 CLEARANCE = 0.1  # m; a path that ends this near to a wall on its other side does not pass through it
 SOLID = 5.0  # m; between reflection points closer than this there is no passage that only silence tells of

@@ -7,7 +7,8 @@ tens of decibels while its delay and azimuth are good.
 import numpy as np
 
 from erm.geometry import FloatArray
-from erm.walls.wall import BoolArray, Line, Paths, Wall, cosine_of_incidence
+from erm.walls.paths import BoolArray, IntArray, Paths
+from erm.walls.wall import Wall
 
 SCATTER = 3.0  # dB; materials vary along a facade, and two paths in one cell interfere
 SCATTERED = 10.0  # dB; three deviations of a mirrored path
@@ -21,22 +22,29 @@ def refractive_index_squared(wall: Wall) -> float:
     Vertical antennas meet a vertical face with the field across the plane of incidence, where ``|r| = (w - c) /
     (w + c)``, ``c`` the cosine of incidence and ``w**2 = n**2 - 1 + c**2``; solved, ``w = c (1 + |r|) / (1 - |r|)``.
     """
-    return _index2(wall.paths, wall.incidence)
+    return float(_index2(wall.paths, wall.incidence, _whole(wall.paths))[0])
 
 
-def reflection_loss(index2: float, cosine: FloatArray) -> FloatArray:
+def reflection_loss(index2: FloatArray | float, cosine: FloatArray) -> FloatArray:
     """Loss [dB] of the face of `refractive_index_squared` at cosines of incidence (...)."""
     root = np.sqrt(index2 - 1 + cosine**2)
     return -20 * np.log10(np.maximum((root - cosine) / (root + cosine), 1e-3))
 
 
-def scattered(paths: Paths, line: Line) -> BoolArray:
-    """Paths (path,) off a wall that lose far more than its others for certain: scattered, not mirrored.
+def scattered(paths: Paths, cosine: FloatArray, start: IntArray) -> BoolArray:
+    """Paths (path,) off walls that lose far more than the others of the same for certain: scattered, not mirrored.
 
     A rough or broken facade throws weak paths from anywhere along it, and these do not share the image.
+
+    Parameters
+    ----------
+    paths : Paths
+        Those of the first wall, from ``start[0]`` to ``start[1]``, then those of the second, and so on.
+    cosine : array (path,)
+        Of incidence.
+    start : array (wall + 1,) of int
     """
-    cosine = cosine_of_incidence(paths, line)
-    usual = reflection_loss(_index2(paths, cosine), cosine)
+    usual = reflection_loss(np.repeat(_index2(paths, cosine, start), np.diff(start)), cosine)
     return np.asarray(paths.loss - 2 * paths.loss_std > usual + SCATTERED)
 
 
@@ -61,17 +69,36 @@ def loss_error(wall: Wall) -> float:
 
 def weighted_quantile(values: FloatArray, weight: FloatArray, share: float) -> float:
     """Value below which a share of the weight lies: the midpoints of the weights, joined by straight lines."""
-    order = np.argsort(values, kind="stable")
-    reached = np.cumsum(weight[order])
-    place = (reached - weight[order] / 2) / reached[-1]
-    return float(np.interp(share, place, values[order]))
+    return float(weighted_quantiles(values, weight, np.array([0, len(values)]), share)[0])
 
 
-def _index2(paths: Paths, cosine: FloatArray) -> float:
+def weighted_quantiles(values: FloatArray, weight: FloatArray, start: IntArray, share: float) -> FloatArray:
+    """`weighted_quantile` of each of the stretches of values, the first from ``start[0]`` to ``start[1]``."""
+    first, last = start[:-1], start[1:] - 1
+    of = np.repeat(np.arange(len(first)), np.diff(start))
+    order = np.lexsort((values, of))
+    values, weight = values[order], weight[order]
+    reached = np.cumsum(weight)
+    reached -= (reached[first] - weight[first])[of]
+    place = (reached - weight / 2) / reached[last][of]
+    below = np.add.reduceat(place < share, first, dtype=np.int64)
+    after = np.minimum(first + below, last)
+    before = np.maximum(after - 1, first)
+    apart = place[after] - place[before]
+    part = np.clip((share - place[before]) / np.where(apart > 0, apart, 1.0), 0.0, 1.0)
+    return values[before] + part * (values[after] - values[before])
+
+
+def _index2(paths: Paths, cosine: FloatArray, start: IntArray) -> FloatArray:
     amplitude = np.clip(10 ** (-paths.loss / 20), 0.0, MOST_AMPLITUDE)
     root = cosine * (1 + amplitude) / (1 - amplitude)
-    return max(weighted_quantile(root**2 + 1 - cosine**2, _weights(paths), 0.5), LEAST_INDEX**2)
+    middle = weighted_quantiles(root**2 + 1 - cosine**2, _weights(paths), start, 0.5)
+    return np.maximum(middle, LEAST_INDEX**2)
 
 
 def _weights(paths: Paths) -> FloatArray:
     return 1 / (paths.loss_std**2 + SCATTER**2)
+
+
+def _whole(paths: Paths) -> IntArray:
+    return np.array([0, len(paths)])

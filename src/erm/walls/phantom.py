@@ -12,9 +12,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from erm.geometry import FloatArray, bisector, mirrored, unit
-from erm.walls.consensus import GATE
+from erm.walls.images import GATE
+from erm.walls.line import Line, anchors
 from erm.walls.loss import loss_error, reflection_loss, refractive_index_squared, typical_loss
-from erm.walls.wall import BoolArray, Line, Paths, Wall, anchors
+from erm.walls.paths import BoolArray, Paths
+from erm.walls.wall import Wall
 
 LOSS_TOLERANCE = 4.0  # dB; materials vary along a facade, and two paths in one cell interfere
 ALTERNATIVES = 3  # first mirrors tried for each rest of a chain

@@ -43,7 +43,7 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
     start = np.vstack([sight.start, *(leg.start for leg in legs)])
     end = np.vstack([sight.end, *(leg.end for leg in legs)])
     owner = np.r_[np.full(len(sight.start), -1), np.repeat(np.arange(len(walls)), [2 * wall.support for wall in walls])]
-    hull, leg = shapely.STRtree(_lines(start, end)).query(shapely.linestrings(spans), predicate="intersects")
+    hull, leg = shapely.STRtree(as_lines(start, end)).query(shapely.linestrings(spans), predicate="intersects")
     tree = shapely.STRtree(shapely.linestrings(spans))
     edges = np.searchsorted(hull, np.arange(len(walls) + 1))
     pieces = []
@@ -86,7 +86,7 @@ def _silent(wall: Wall, number: int, prints: Sequence[Footprint], tree: shapely.
     if not len(front):
         return np.empty(0)
     legs = Legs(np.vstack([links.tx[front], links.rx[front]]), np.vstack([points, points]))
-    leg, other = tree.query(_lines(*legs), predicate="intersects")
+    leg, other = tree.query(as_lines(*legs), predicate="intersects")
     hidden = np.zeros(len(legs.start), dtype=bool)
     for one in np.unique(other[other != number]):
         rows = leg[other == one]
@@ -94,5 +94,6 @@ def _silent(wall: Wall, number: int, prints: Sequence[Footprint], tree: shapely.
     return wall.line.along(points[~hidden.reshape(2, -1).any(axis=0)])
 
 
-def _lines(start: FloatArray, end: FloatArray) -> np.ndarray:
+def as_lines(start: FloatArray, end: FloatArray) -> np.ndarray:
+    """Lines (leg,) between points (leg, 2 or more), seen from above."""
     return shapely.linestrings(np.stack([start[:, :2], end[:, :2]], axis=1))

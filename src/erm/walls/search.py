@@ -6,8 +6,12 @@ import numpy.typing as npt
 from erm.constants import c
 from erm.geometry import FloatArray
 from erm.noise import LEAST, scale, widened
-from erm.walls.consensus import Group, find_groups
-from erm.walls.wall import IntArray, Paths, bounce_points, fit_line, residuals, seed_line
+from erm.walls.consensus import find_groups
+from erm.walls.fit import fit_lines, residuals
+from erm.walls.line import Lines, seed_lines
+from erm.walls.paths import IntArray, Paths
+from erm.walls.ragged import Ragged
+from erm.walls.turns import Group
 
 FEWEST = 6  # residuals beyond the parameters that are fitted to them, to estimate errors from
 SURVEY_LENGTH = 0.01  # m; antennas are surveyed to a centimetre, and 30 ps of a clock are as much
@@ -49,15 +53,16 @@ def search(
 
 def _groups_of(paths: Paths, image: IntArray) -> list[Group]:
     """Groups of the paths with the same image (path,), each with its line."""
-    order = np.argsort(image, kind="stable")
+    order = np.lexsort((paths.azimuth_std, image))
     order = order[image[order] >= 0]
-    groups = []
-    for members in np.split(order, np.flatnonzero(np.diff(image[order])) + 1):
-        if len(members) > 1:
-            best = members[np.argmin(paths.azimuth_std[members])]
-            line = seed_line(paths.take(np.array([best])))
-            groups.append(Group(fit_line(paths.take(members), line), members))
-    return groups
+    _, owner = np.unique(image[order], return_inverse=True)
+    members = Ragged.of_pairs(owner, order, int(owner.max(initial=-1)) + 1)
+    members = members.take(np.flatnonzero(members.sizes > 1))
+    if not len(members):
+        return []
+    best = members.rows[members.start[:-1]]  # the path that knows its face best
+    lines = fit_lines(paths, members, seed_lines(paths.take(best)))
+    return [Group(lines.one(number), np.sort(own)) for number, own in enumerate(members)]
 
 
 def joined(first: Paths, groups: list[Group], paths: Paths, min_support: int) -> tuple[Paths, list[Group]]:
@@ -79,19 +84,23 @@ def joined(first: Paths, groups: list[Group], paths: Paths, min_support: int) ->
     grown = find_groups(paths, min_support, known)
     sure = np.zeros(len(paths), dtype=bool)
     sure[at] = True
-    return paths, [_not_longer(paths, group, sure, min_support) for group in grown]
+    return paths, _not_longer(paths, grown, sure, min_support)
 
 
-def _not_longer(paths: Paths, group: Group, sure: npt.NDArray[np.bool_], min_support: int) -> Group:
-    """A group without the unsure paths beyond its sure ones: those make no wall longer that these have found."""
-    line, members = group
-    certain = sure[members]
-    if certain.sum() < min_support:
-        return group
-    along = line.along(bounce_points(line, paths.tx[members], paths.rx[members]))
-    within = (along >= along[certain].min()) & (along <= along[certain].max())
-    kept = members[certain | within]
-    return Group(fit_line(paths.take(kept), line), kept)
+def _not_longer(paths: Paths, groups: list[Group], sure: npt.NDArray[np.bool_], min_support: int) -> list[Group]:
+    """Groups without the unsure paths beyond their sure ones: those make no wall longer that these have found."""
+    lines, members = Lines.of([group.line for group in groups]), Ragged.of_lists([group.members for group in groups])
+    of, certain = members.owner, sure[members.rows]
+    frames = lines.frames(of)
+    along = frames.along(np.stack(frames.bounce(paths.tx[members.rows], paths.rx[members.rows]), axis=-1))
+    low, high = np.full(len(groups), np.inf), np.full(len(groups), -np.inf)
+    np.minimum.at(low, of[certain], along[certain])
+    np.maximum.at(high, of[certain], along[certain])
+    enough = np.bincount(of[certain], minlength=len(groups)) >= min_support
+    kept = members.kept(certain | ((along >= low[of]) & (along <= high[of])) | ~enough[of])
+    some = np.flatnonzero(enough)
+    lines = lines.put(some, fit_lines(paths, kept.take(some), lines.take(some)))
+    return [Group(lines.one(number), own) for number, own in enumerate(kept)]
 
 
 def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: int, groups: list[Group]) -> Paths | None:
@@ -128,12 +137,16 @@ def _white_residuals(paths: Paths, groups: list[Group]) -> tuple[FloatArray, npt
     A residual ``r`` with leverage ``h`` has the variance ``(1 - h) s**2``; two parameters swallow most of the
     lengths of three paths and little of their azimuths.
     """
-    white, room = [np.empty((0, 2))], [np.empty((0, 2))]
-    for group in groups:
-        members = paths.take(group.members)
-        residual, jacobian = residuals(members, group.line)
-        std = np.stack([members.length_std, members.azimuth_std], axis=-1)
-        leverage = np.einsum("nip,pq,niq->ni", jacobian, group.line.covariance, jacobian) / std**2
+    lines, members = Lines.of([group.line for group in groups]), Ragged.of_lists([group.members for group in groups])
+    rays = paths.rays(members.rows)
+    found = residuals(rays, lines.frames(members.owner))
+    a, b, d = lines.covariance[members.owner][:, [0, 0, 1], [0, 1, 1]].T
+    white, room = [], []
+    for residual, by_normal, by_offset, std in (
+        (found.length, found.length_by_normal, found.length_by_offset, rays.length_std),
+        (found.azimuth, found.azimuth_by_normal, found.azimuth_by_offset, rays.azimuth_std),
+    ):
+        leverage = (by_normal**2 * a + 2 * by_normal * by_offset * b + by_offset**2 * d) / std**2
         room.append(np.clip(1 - leverage, 0.0, 1.0))
         white.append(residual / (std * np.sqrt(np.maximum(room[-1], 0.1))))
-    return np.concatenate(white), np.concatenate(room) > 0.2
+    return np.stack(white, axis=-1), np.stack(room, axis=-1) > 0.2

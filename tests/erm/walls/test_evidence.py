@@ -10,8 +10,11 @@ from erm.noise import widened
 from erm.reconstruct import reconstruct
 from erm.select import select
 from erm.walls.corners import corners_on
+from erm.walls.fit import fit_line
+from erm.walls.line import seed_line
 from erm.walls.loss import loss_at_normal_incidence, loss_error, reflection_loss, weighted_quantile
-from erm.walls.wall import Paths, Wall, cosine_of_incidence, fit_line, seed_line
+from erm.walls.paths import Paths
+from erm.walls.wall import Wall, cosine_of_incidence
 
 FREQUENCY = 132e9
 TX = np.array([0.0, 0.0, 28.0])

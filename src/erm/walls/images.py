@@ -1,0 +1,142 @@
+"""The images all paths point to, in a tree."""
+
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from erm.geometry import FloatArray, unit
+from erm.walls.grid import Grid
+from erm.walls.line import Lines
+from erm.walls.paths import IntArray, Paths
+from erm.walls.ragged import Ragged
+
+GATE = 13.8  # chi-squared of 2 degrees of freedom that one true path in a thousand exceeds
+REACH = 4.0  # standard errors of azimuth within which an image is looked for
+NEIGHBOURS = 24  # nearest images looked at for partners of a seed
+LAYERS = (0.75, 0.97)  # shares of paths that are looked for in grids of their own, the surest first
+FEW = 1000  # paths that one grid is enough for
+MARGIN = 1.25  # of what a path's own range departs from the line's
+
+
+class Layer(NamedTuple):
+    """Paths that know their images about equally well."""
+
+    rows: IntArray
+    spread: float  # m2; largest variance of an image, along and across
+    grid: Grid
+
+
+class Images:
+    """The images all paths point to, in a tree.
+
+    Parameters
+    ----------
+    paths : Paths
+        Paths longer than the direct one.
+    """
+
+    def __init__(self, paths: Paths) -> None:
+        self.paths = paths
+        self.points = paths.anchors()
+        level = np.hypot(*(self.points - paths.rx[:, :2]).T)
+        self.across = level * np.deg2rad(paths.azimuth_std)  # m
+        # what the arc of the azimuth's error departs from its tangent counts as an error of the length
+        self.along = np.hypot(paths.length * paths.length_std / level, self.across**2 / (2 * level))
+        toward = (self.points - paths.rx[:, :2]) / level[:, None]
+        left = np.stack([-toward[:, 1], toward[:, 0]], axis=-1)
+        self.covariance = outer(toward * self.along[:, None]) + outer(left * self.across[:, None])
+        self.transmitters = _places(paths)
+        # transmitters lie apart in a third dimension, so that one tree serves them all
+        spread = np.ptp(self.points, axis=0).max() if len(paths) else 0.0
+        self.apart = 4.0 * (spread + REACH * self.across.max(initial=0.0) + 1.0)
+        places = np.column_stack([self.points, paths.transmitter * self.apart])
+        self.tree = cKDTree(places)
+        self.radius = REACH * float(self.across.max(initial=0.0) + self.along.max(initial=0.0))
+        spread = self.across**2 + self.along**2
+        edges = np.quantile(spread, LAYERS) if len(paths) > FEW else []
+        layer = np.searchsorted(edges, spread)
+        self.layers = []
+        for number in np.unique(layer):
+            rows = np.flatnonzero(layer == number)
+            most = float(spread[rows].max())
+            grid = Grid(self.points[rows], paths.transmitter[rows], MARGIN * float(np.sqrt(GATE * most)))
+            self.layers.append(Layer(rows, most, grid))
+
+    def around(self, points: FloatArray, transmitter: IntArray, radius: FloatArray | float) -> Ragged:
+        """Paths whose images lie within radii of points (n, 2), each of one transmitter (n,)."""
+        return within(self.tree, np.column_stack([points, transmitter * self.apart]), radius)
+
+    def about(self, lines: Lines) -> tuple[IntArray, IntArray]:
+        """Pairs (line, path) in which a path may agree with a line: its image lies near the line's of its transmitter.
+
+        Of a path inside the gate, azimuth and length each depart from what the line predicts by no more than
+        ``sqrt(GATE)`` standard errors, its own and the line's together, whose image has the covariance ``S C S'``.
+        """
+        tx, n = self.transmitters[:, :2], unit(lines.normal)
+        depth = n @ tx.T - (lines.offset + np.sum(n * lines.pivot, axis=-1))[:, None]
+        line, front = np.nonzero(depth > 0)
+        images = tx[front] - 2 * depth[line, front, None] * n[line]
+        aside = np.sum((tx[front] - lines.pivot[line]) * n[line][:, ::-1] * [-1.0, 1.0], axis=-1)
+        turn, both, shift = lines.covariance[line][:, [0, 0, 1], [0, 1, 1]].T
+        # the image moves by 2 depth along the wall and 2 aside towards it a radian, and by 2 towards it a metre
+        wide = (
+            np.deg2rad(np.deg2rad(turn)) * (depth[line, front] ** 2 + aside**2) - 2 * np.deg2rad(both) * aside + shift
+        )
+        pairs = []
+        for layer in self.layers:
+            radius = MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide))
+            near, path = layer.grid.within(images, front, np.minimum(radius, self.radius))
+            pairs.append((line[near], layer.rows[path]))
+        of, rows = zip(*pairs, strict=True)
+        return np.concatenate(of), np.concatenate(rows)
+
+    def partners(self) -> Ragged:
+        """Paths of the same transmitter and another link whose images agree with that of each within their errors."""
+        count = min(NEIGHBOURS + 1, len(self.paths))
+        if count < 2:
+            return Ragged(np.empty(0, dtype=np.int64), np.zeros(len(self.paths) + 1, dtype=np.int64))
+        radius = REACH * np.sqrt(2) * float(self.across.max())
+        # neighbours one after another find the same part of the tree in the processor's cache
+        order = self.tree.indices
+        bound = max(radius, 1e-6)
+        near = np.empty((len(order), count), dtype=np.int64)
+        near[order] = self.tree.query(self.tree.data[order], k=count, distance_upper_bound=bound, workers=-1)[1]
+        first = np.repeat(np.arange(len(order)), count)
+        second = near.ravel()
+        kept = second < len(self.paths)
+        first, second = first[kept], second[kept]
+        kept = self.paths.link[first] != self.paths.link[second]
+        first, second = first[kept], second[kept]
+        apart = self.points[first] - self.points[second]
+        agree = _mahalanobis(apart, self.covariance[first] + self.covariance[second]) < GATE
+        return Ragged.of_pairs(first[agree], second[agree], len(self.paths))
+
+
+def within(tree: cKDTree, places: FloatArray, radius: FloatArray | float) -> Ragged:
+    """Rows of a tree that lie within radii of places (n, coordinate)."""
+    if len(places) == 0 or tree.n == 0:
+        return Ragged(np.empty(0, dtype=np.int64), np.zeros(len(places) + 1, dtype=np.int64))
+    near = np.asarray(tree.query_ball_point(places, radius, return_sorted=False))
+    start = np.concatenate([[0], np.cumsum([len(one) for one in near])])
+    return Ragged(np.fromiter(chain.from_iterable(near), dtype=np.int64, count=start[-1]), start)
+
+
+def outer(vector: FloatArray) -> FloatArray:
+    """``v v'`` of vectors (..., 2)."""
+    return vector[..., :, None] * vector[..., None, :]
+
+
+def _places(paths: Paths) -> FloatArray:
+    """Where (transmitter, 3) each transmitter stood."""
+    places = np.zeros((paths.transmitter.max(initial=-1) + 1, 3))
+    places[paths.transmitter] = paths.tx
+    return places
+
+
+def _mahalanobis(apart: FloatArray, covariance: FloatArray) -> FloatArray:
+    """``d' C**-1 d`` of vectors (..., 2)."""
+    a, b, d = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    x, y = apart[..., 0], apart[..., 1]
+    return (x * x * d - 2 * x * y * b + y * y * a) / (a * d - b * b)

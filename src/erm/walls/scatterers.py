@@ -1,0 +1,195 @@
+"""Points that throw paths to every receiver: what they predict, how they are fitted, how thick they are."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from erm.geometry import FloatArray, angle_difference, azimuth_of
+from erm.walls.images import GATE
+from erm.walls.loss import weighted_quantiles
+from erm.walls.paths import IntArray, Paths, Rays
+from erm.walls.ragged import Ragged, first_of_each, sums
+
+DEPTH = 0.05  # m; a path ends on the pole's surface, not in its centre
+THINNEST, THICKEST = 0.02, 1.0  # m; radius
+ALIKE = 3.0  # dB; scatter of radii from the losses of one pole's paths
+ROUNDS = 8  # of gathering and fitting
+STEPS = 10  # of a fit, at most
+SETTLED = 1e-9  # m; steps shorter than this are rounding
+
+
+class Pole(NamedTuple):
+    """A vertical cylinder and the paths off it."""
+
+    centre: FloatArray  # (2,) m
+    covariance: FloatArray  # (2, 2) m2
+    radius: float  # m
+    top: float  # m, of the highest reflection point
+    members: IntArray
+
+
+class Points(NamedTuple):
+    """Places with their covariances."""
+
+    place: FloatArray  # (point, 2) m
+    covariance: FloatArray  # (point, 2, 2) m2
+
+    def take(self, points: IntArray) -> "Points":
+        """Return some of them."""
+        return Points(self.place[points], self.covariance[points])
+
+
+def settle(paths: Paths, starts: Points, around: Ragged, min_support: int) -> tuple[Points, Ragged, Ragged]:
+    """Let points gather the paths around that agree with them, and fit them to these, until they no longer change.
+
+    Returns
+    -------
+    points : Points
+    members : Ragged
+        Paths of each, one a link, ascending; none where fewer than ``min_support`` agree.
+    seen : Ragged
+        Paths that were gathered on the way: what became of the others makes no difference.
+    """
+    place, covariance = starts.place.copy(), starts.covariance.copy()
+    count = len(place)
+    going = np.arange(count)
+    members: list[IntArray] = [np.empty(0, dtype=np.int64)] * count
+    owners, rows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for _ in range(ROUNDS):
+        own = around.take(going)
+        gathered = _gathered(paths, Points(place[going], covariance[going]), own)
+        owners.append(going[gathered.owner])
+        rows.append(gathered.rows)
+        enough = gathered.sizes >= min_support
+        for one in going[~enough].tolist():
+            members[one] = np.empty(0, dtype=np.int64)
+        going, gathered = going[enough], gathered.take(np.flatnonzero(enough))
+        if len(going) == 0:
+            break
+        place[going], covariance[going] = _fit(paths, place[going], gathered)
+        changed = [not np.array_equal(members[one], new) for one, new in zip(going.tolist(), gathered, strict=True)]
+        for one, new in zip(going.tolist(), gathered, strict=True):
+            members[one] = new
+        going = going[np.array(changed, dtype=bool)]
+        if len(going) == 0:
+            break
+    owner, row = np.concatenate(owners), np.concatenate(rows)
+    order = np.argsort(owner, kind="stable")
+    seen = Ragged.of_pairs(owner[order], row[order], count)
+    return Points(place, covariance), Ragged.of_lists(members), seen
+
+
+def poles_of(paths: Paths, points: Points, members: Ragged) -> list[Pole | None]:
+    """Poles whose surfaces are at points; None where the losses of the paths do not tell one radius of a pole."""
+    one, of = paths.take(members.rows), members.owner
+    radii, heights = radii_of(one, points.place[of])
+    weight = 1 / (one.loss_std**2 + ALIKE**2)
+    middle = weighted_quantiles(10 * np.log10(radii), weight, members.start, 0.5)
+    apart = np.abs(10 * np.log10(radii) - middle[of]) / np.hypot(1.0, one.loss_std / ALIKE)
+    # gains beyond the fan are all wrong alike, so their errors are not averaged
+    error = sums(weight * one.loss_std, members.start) / sums(weight, members.start)
+    thinnest, thickest = 10 ** ((middle - error) / 10), 10 ** ((middle + error) / 10)
+    unlike = weighted_quantiles(apart, weight, members.start, 0.5) > ALIKE
+    wrong = unlike | (thickest < THINNEST) | (thinnest > THICKEST)
+    radius = np.clip(10 ** (middle / 10), THINNEST, THICKEST)
+    inward = points.place - middle_of_antennas(one, members.start)
+    centre = points.place + radius[:, None] * inward / np.linalg.norm(inward, axis=-1, keepdims=True)
+    top = np.maximum.reduceat(heights, members.start[:-1])
+    return [
+        None if wrong[i] else Pole(centre[i], points.covariance[i], float(radius[i]), float(top[i]), own)
+        for i, own in enumerate(members)
+    ]
+
+
+def middle_of_antennas(paths: Rays, start: IntArray) -> FloatArray:
+    """Middle (list, 2) of all antennas of lists of paths: the fitted point is on the surface, on their side."""
+    return sums((paths.tx[:, :2] + paths.rx[:, :2]) / 2, start) / np.diff(start)[:, None]
+
+
+def misfit(paths: Rays, place: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Chi-squared (path,) of paths against a point of some covariance, or each against one (path, 2)."""
+    length, azimuth, by_length, by_azimuth = _residuals(paths, place)
+    length_std, azimuth_std = errors(paths)
+    a, b, d = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    (le, ln), (ae, an) = by_length, by_azimuth
+    of_east, of_north = le * a + ln * b, le * b + ln * d
+    own = of_east * le + of_north * ln + length_std**2
+    mixed = of_east * ae + of_north * an
+    other = ae * ae * a + 2 * ae * an * b + an * an * d + azimuth_std**2
+    return (length**2 * other - 2 * length * azimuth * mixed + azimuth**2 * own) / (own * other - mixed**2)
+
+
+def errors(paths: Rays) -> tuple[FloatArray, FloatArray]:
+    """Standard errors (path,) of length and azimuth of a path off a pole."""
+    return np.hypot(paths.length_std, DEPTH), paths.azimuth_std
+
+
+def radii_of(paths: Paths, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Radius (path,) of a perfectly reflecting pole that loses what each path lost, and the heights of the bounces.
+
+    `erm.poles.pole_spreading` solved for ``a``: with ``q`` the power lost, ``a = 2 s1 s2 cos(el)**2 / (cos(theta) L
+    (q - 1))``. A pole that does not reflect perfectly comes out too thin.
+    """
+    first, second = place - paths.tx[:, :2], place - paths.rx[:, :2]
+    d1, d2 = np.hypot(*first.T), np.hypot(*second.T)
+    height = paths.rx[:, 2] + (paths.tx[:, 2] - paths.rx[:, 2]) * d2 / (d1 + d2)
+    length = np.hypot(d1 + d2, paths.tx[:, 2] - paths.rx[:, 2])
+    level = (d1 + d2) / length
+    between = np.sum(first * second, axis=-1) / (d1 * d2)
+    cosine = np.sqrt((1 + np.clip(between, -0.999, 1)) / 2) * level
+    lost = 10 ** (paths.loss / 10)
+    s1, s2 = d1 / level, d2 / level
+    return 2 * s1 * s2 * level**2 / (cosine * length * np.maximum(lost - 1, 1e-9)), height
+
+
+def _gathered(paths: Paths, points: Points, around: Ragged) -> Ragged:
+    """Paths around points that agree with them, the best of each link, ascending."""
+    of, rows = around.owner, around.rows
+    chi2 = misfit(paths.rays(rows), points.place[of], points.covariance[of])
+    inside = np.flatnonzero(chi2 < GATE)
+    of, rows = of[inside], rows[inside]
+    key = of * (paths.link.max(initial=0) + 1) + paths.link[rows]
+    rank = np.lexsort((rows, chi2[inside], key))
+    best = rank[first_of_each(key[rank])]
+    best = best[np.lexsort((rows[best], of[best]))]
+    return Ragged.of_pairs(of[best], rows[best], len(around))
+
+
+def _fit(paths: Paths, place: FloatArray, members: Ragged) -> tuple[FloatArray, FloatArray]:
+    """Weighted least-squares points (point, 2) of lists of paths, and their covariances."""
+    place, covariance = place.copy(), np.empty((len(place), 2, 2))
+    going = np.arange(len(place))
+    for _ in range(STEPS):
+        own = members.take(going)
+        rays = paths.rays(own.rows)
+        terms = np.zeros((5, len(rays)))
+        length, azimuth, by_length, by_azimuth = _residuals(rays, place[going][own.owner])
+        for value, (east, north), std in zip((length, azimuth), (by_length, by_azimuth), errors(rays), strict=True):
+            weight = 1 / std**2
+            terms += weight * np.stack([east * east, east * north, north * north, east * value, north * value])
+        a, b, d, u, v = np.add.reduceat(terms, own.start[:-1], axis=1)
+        determinant = a * d - b * b
+        covariance[going] = np.stack([d, -b, -b, a], axis=-1).reshape(-1, 2, 2) / determinant[:, None, None]
+        step = np.stack([d * u - b * v, a * v - b * u], axis=-1) / determinant[:, None]
+        place[going] += step
+        going = going[np.abs(step).max(axis=1) >= SETTLED]
+        if len(going) == 0:
+            break
+    return place, covariance
+
+
+def _residuals(
+    paths: Rays, place: FloatArray
+) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """Measured minus predicted length and azimuth of paths by way of a point, and the slopes (east, north) of both.
+
+    Seen from above the path is ``|tx - p| + |p - rx|`` long, and unfolded at a vertical face it climbs evenly.
+    """
+    first, second = place - paths.tx[:, :2], place - paths.rx[:, :2]
+    d1, d2 = np.hypot(first[:, 0], first[:, 1]), np.hypot(second[:, 0], second[:, 1])
+    slant = np.hypot(d1 + d2, paths.tx[:, 2] - paths.rx[:, 2])
+    east, north = second[:, 0] / d2, second[:, 1] / d2
+    steep = (d1 + d2) / slant
+    by_length = (first[:, 0] / d1 + east) * steep, (first[:, 1] / d1 + north) * steep
+    by_azimuth = np.rad2deg(-north / d2), np.rad2deg(east / d2)
+    return paths.length - slant, angle_difference(paths.azimuth, azimuth_of(second)), by_length, by_azimuth

@@ -1,0 +1,81 @@
+"""Lines gather the paths that agree with them, many lines in one go."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from erm.geometry import FloatArray
+from erm.walls.fit import STEPS, fit_lines, misfits
+from erm.walls.images import GATE, Images
+from erm.walls.line import Lines
+from erm.walls.paths import BoolArray, IntArray
+from erm.walls.ragged import Ragged, first_of_each
+
+ROUNDS = 12  # of gathering and fitting
+ROUGHLY = 5  # steps of a fit whose members may yet change
+DECIBEL = 0.5  # chi-squared a dB: of two paths of a link inside the gate the much stronger one is the wall's
+LINES = 64  # looked at in one go
+
+
+class Settled(NamedTuple):
+    """Lines that gathered their paths."""
+
+    lines: Lines
+    members: Ragged  # ascending; fewer than two where a line found nothing to agree with
+    seen: Ragged  # paths that were gathered on the way: what became of the others makes no difference
+
+
+def settle(images: Images, lines: Lines, free: BoolArray) -> Settled:
+    """Let lines gather the free paths that agree with them, and fit them to these, until they no longer change."""
+    count = len(lines.normal)
+    going = np.arange(count)
+    members: list[IntArray] = [np.empty(0, dtype=np.int64)] * count
+    owners, rows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for turn in range(ROUNDS + 1):
+        gathered, _ = gather(images, lines.take(going), free)
+        owners.append(going[gathered.owner])
+        rows.append(gathered.rows)
+        settled = np.array(
+            [np.array_equal(members[line], new) for line, new in zip(going.tolist(), gathered, strict=True)], dtype=bool
+        )
+        for line, new in zip(going.tolist(), gathered, strict=True):
+            members[line] = new
+        if turn == ROUNDS:
+            break
+        enough = gathered.sizes > 1
+        going, settled, gathered = going[enough], settled[enough], gathered.take(np.flatnonzero(enough))
+        fitted = fit_lines(images.paths, gathered, lines.take(going), np.where(settled, STEPS, ROUGHLY))
+        lines = lines.put(going, fitted)
+        going = going[~settled]
+        if len(going) == 0:
+            break
+    owner, row = np.concatenate(owners), np.concatenate(rows)
+    order = np.argsort(owner, kind="stable")
+    return Settled(lines, Ragged.of_lists(members), Ragged.of_pairs(owner[order], row[order], count))
+
+
+def gather(images: Images, lines: Lines, free: BoolArray) -> tuple[Ragged, FloatArray]:
+    """Free paths that agree with lines, the best of each link, ascending; and their chi-squared."""
+    found = [
+        _gather(images, lines.take(slice(first, first + LINES)), free) for first in range(0, len(lines.normal), LINES)
+    ]
+    if len(found) == 1:
+        return found[0]
+    start = np.cumsum([0, *(size for part, _ in found for size in part.sizes.tolist())])
+    rows, chi2 = [part.rows for part, _ in found], [values for _, values in found]
+    nothing = np.empty(0)
+    return Ragged(np.concatenate([nothing.astype(np.int64), *rows]), start), np.concatenate([nothing, *chi2])
+
+
+def _gather(images: Images, lines: Lines, free: BoolArray) -> tuple[Ragged, FloatArray]:
+    paths = images.paths
+    of, rows = images.about(lines)
+    of, rows = of[free[rows]], rows[free[rows]]
+    chi2 = misfits(paths, rows, lines, of)
+    inside = np.flatnonzero(chi2 < GATE)
+    of, rows, chi2 = of[inside], rows[inside], chi2[inside]
+    key = of * (paths.link.max(initial=0) + 1) + paths.link[rows]
+    rank = np.lexsort((rows, chi2 + DECIBEL * paths.loss[rows], key))
+    best = rank[first_of_each(key[rank])]
+    best = best[np.lexsort((rows[best], of[best]))]
+    return Ragged.of_pairs(of[best], rows[best], len(lines.normal)), chi2[best]
