@@ -19,15 +19,23 @@ Real = NDArray[np.float64]
 
 
 def tabulate(
-    found: Real, noise: Real, filter_: Deembedding, sounder: Sounder, distance: float, *, wider: Real, fans: bool
+    found: Real,
+    noise: Real,
+    filter_: Deembedding,
+    sounder: Sounder,
+    distance: float,
+    *,
+    wider: Real,
+    clock: Real,
+    fans: bool,
 ) -> xr.Dataset:
     """Table of the paths found.
 
     The covariance is that of the least-squares fits, with the larger of the noise power and the fit's own residual as
-    variance. The delay's is ``P V / sum_b a_b^2`` with the path's amplitude ``a_b`` in a beam, ``P`` the noise power
-    or what the fit left around the path, and ``V`` of :class:`sounder.matched.Matched`; with a phase of its own in
-    every beam it is independent of the others. Both are widened for other paths found within the pulse. Those of
-    elevation and gain reach, besides, to directions outside the fan that the beams do not exclude.
+    variance. The delay's is ``N V / sum_b a_b^2`` with the path's amplitude ``a_b`` in a beam, the noise power ``N``,
+    and ``V`` of :class:`sounder.matched.Matched`; with a phase of its own in every beam it is independent of the
+    others. Both are widened for other paths, and the delay's holds the clock's. Those of elevation and gain reach,
+    besides, to directions outside the fan that the beams do not exclude.
 
     Parameters
     ----------
@@ -41,7 +49,9 @@ def tabulate(
     distance : float
         Direct distance [m].
     wider : array (mpc, 2)
-        From :func:`sounder.overlap.widening`.
+        From :func:`sounder.interference.widened`.
+    clock : array (mpc,)
+        From :func:`sounder.clock.clock_variance` [s2].
     fans : bool
         Whether the scan has several elevations.
 
@@ -50,7 +60,8 @@ def tabulate(
     xarray.Dataset
         Along ``mpc``: ``delay`` [s], in the one period that begins with the direct path; ``azimuth``, ``elevation``
         [degree], NaN without ``fans``; ``path_gain`` [dB] without antennas; ``delay_std``, ``azimuth_std``,
-        ``elevation_std``, ``path_gain_std``; ``covariance`` (mpc, parameter, other), in the units of the four;
+        ``elevation_std``, ``path_gain_std``; ``clock_std`` [s], the part of ``delay_std`` that all MPCs of the
+        position share, nearly; ``covariance`` (mpc, parameter, other), in the units of the four;
         ``snr`` [dB] of the peak in the beam that saw it best; ``misfit``, the power that the fit left in
         magnitudes of neighbouring beams and in samples about the peak, over that of the noise: about 1 for one path
         in noise; and ``may_be_wrapped``, 1 where the path is so weak that it may be one of a
@@ -64,6 +75,7 @@ def tabulate(
     delay = earliest + (delay - earliest) % period
     gain = 20 * np.log10(amplitude) - sounder.rx_antenna.gain
     covariance = _covariance(found, noise[beam], filter_, wider)
+    covariance[:, 0, 0] += clock
     if not fans:
         covariance[:, 2, :] = covariance[:, :, 2] = np.nan
     values = {
@@ -79,6 +91,7 @@ def tabulate(
     std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     for i, name in enumerate(PARAMETERS):
         values[f"{name}_std"] = std[:, i], values[name][1], f"standard deviation of {name.replace('_', ' ')}"
+    values["clock_std"] = np.sqrt(clock), "s", "standard deviation of the clock, part of delay_std"
     seen = amplitude * found[:, component.OFF_BORESIGHT]
     values["snr"] = 20 * np.log10(seen) - 10 * np.log10(noise[beam]), "dB", "peak over noise power in the best beam"
     values["misfit"] = _misfit(found, noise[beam]), "1", "residual power of the fit over that of the noise"
@@ -109,10 +122,9 @@ def _misfit(found: Real, noise: Real) -> Real:
 def _covariance(found: Real, noise: Real, filter_: Deembedding, wider: Real) -> Real:
     """Covariance (mpc, 4, 4) of delay [s], azimuth, elevation [degree] and gain [dB]."""
     energy = found[:, component.AMPLITUDE] ** 2 * found[:, component.ENERGY]
-    around = np.maximum(noise, found[:, component.LEFT_OVER])
     per_amplitude = NEPER / found[:, component.AMPLITUDE]
     covariance = np.zeros((len(found), 4, 4))
-    covariance[:, 0, 0] = wider[:, 0] * around * filter_.matched.delay_variance / energy / filter_.sample_rate**2
+    covariance[:, 0, 0] = wider[:, 0] * noise * filter_.matched.delay_variance / energy / filter_.sample_rate**2
     up, stronger = found[:, component.ELEVATION_SPREAD], found[:, component.AMPLITUDE_SPREAD]
     for i, j, column, scale, spread in (
         (1, 1, component.VAR_AZIMUTH, 1.0, 0.0),

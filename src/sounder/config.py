@@ -116,6 +116,15 @@ class Transmitter(Table):
     power: float
 
 
+class Clock(Table):
+    """How the clock wanders against the back-to-back's.
+
+    ``step`` is the standard deviation [s] of its random walk from one direction of the scan to the next.
+    """
+
+    step: Annotated[float, Field(ge=0)] = 0.0
+
+
 class Artefact(Table):
     """A copy that the instrument makes of every path: how much later [s], and how strong at most [dB].
 
@@ -160,6 +169,7 @@ class Sounder(Table):
     rx_antenna: Antenna
     scan: Scan
     transmitter: Transmitter
+    clock: Clock = Clock()
     processing: Processing = Processing()
 
     @property

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 from sounder.antenna import Pattern
 from sounder.bounds import Band
 from sounder.calibration import Deembedding
+from sounder.clock import clock_variance, scan_order
 from sounder.component_table import tabulate
 from sounder.config import Sounder
 from sounder.daps import noise_power
+from sounder.interference import beams_seeing, widened
 from sounder.kernels import component
-from sounder.kernels.cancel import cancel
+from sounder.kernels.cancel import TAKES, cancel
 from sounder.kernels.peaks import Limits, search_of
 from sounder.kernels.view import View, beams_of, table_of
 from sounder.matched import OVER, Matched
@@ -45,6 +47,7 @@ def extract(
     distance: float = 0.0,
     threshold: Threshold = "usc",
     method: Method = "sage",
+    time: NDArray[np.float64] | None = None,
 ) -> xr.Dataset:
     """Extract the MPCs of a position.
 
@@ -62,7 +65,7 @@ def extract(
     filter_ : Deembedding
         That made it; its pulse is the shape of a single path.
     sounder : Sounder
-        For the receive antenna's pattern and the period.
+        For the receive antenna's pattern, the period and the clock.
     distance : float
         Direct distance from TX to RX [m]. Delays are known modulo the sequence's period; no path is shorter than the
         direct one, so earlier ones are late by a period.
@@ -74,6 +77,9 @@ def extract(
         ``sage``: as above; overlapping paths are fitted in turn, each to what the others leave (Fleury et al., 1999).
         ``clean``: each path is fitted once, when it is taken out (Hogbom, 1974). ``peaks``: nothing is taken out;
         peaks that stand 6 dB over what stronger ones and the antenna's sidelobes explain are fitted as they are.
+    time : array (azimuth, elevation), optional
+        When each direction was recorded, in any unit: the order in which the clock wanders. If it is not known, all
+        azimuths at each elevation in turn.
 
     Returns
     -------
@@ -96,7 +102,7 @@ def extract(
     limits = Limits(
         threshold=_thresholds(beams, noise, threshold),
         resolution=np.array([filter_.sample_rate / bandwidth, width_azimuth / 2, width_elevation]),
-        leftover=_leftover(pattern, takes=bool(effort[0])),
+        leftover=_leftover(pattern, takes=bool(effort[TAKES])),
         artefact=np.array(
             [[copy.delay * filter_.sample_rate, 10 ** (copy.level / 20)] for copy in sounder.processing.artefact]
         ).reshape(-1, 2),
@@ -109,9 +115,22 @@ def extract(
     found = found[:count][np.argsort(-found[:count, component.AMPLITUDE])]
     located = _located(found, pattern, width_azimuth)
     snr = (MARGIN * found[:, component.AMPLITUDE]) ** 2 / noise[found[:, component.BEAM].astype(int)]
-    wider = widening(found, snr, (azimuth, elevation), pattern, Band.of(filter_), filter_.sample_rate)[located]
-    table = tabulate(found[located], noise, filter_, sounder, distance, wider=wider, fans=elevation.size > 1)
-    table = with_ridge(table, (azimuth, elevation), pattern)
+    looks = azimuth.astype(float), elevation.astype(float)
+    seen = beams_seeing(found, noise, looks, pattern)
+    wider = widening(found, snr, looks, pattern, Band.of(filter_), filter_.sample_rate)
+    wider = widened(wider, found, beams if effort[TAKES] else None, noise, seen, filter_, looks, pattern)
+    clock = clock_variance(*seen, scan_order(time, azimuth.size, elevation.size), sounder.clock.step)
+    table = tabulate(
+        found[located],
+        noise,
+        filter_,
+        sounder,
+        distance,
+        wider=wider[located],
+        clock=clock[located],
+        fans=elevation.size > 1,
+    )
+    table = with_ridge(table, looks, pattern)
     period = filter_.weight.size / filter_.sample_rate
     facts = {"threshold": threshold, "method": method, "complete": int(complete), "period": period}
     return table.assign_attrs(facts, paths_outside_fan=int((~located).sum()))

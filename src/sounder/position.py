@@ -110,6 +110,7 @@ def products_of(
             distance=distance,
             threshold=options.threshold,
             method=options.method,
+            time=recording.time,
         ),
     }
     if options.keep_cir:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sounder.antenna import Pattern
-from sounder.config import Sounder
+from sounder.config import Clock, Sounder
 from sounder.instrument import Complex, Faults, Real
 from sounder.recording import BackToBack, Captures, Recording
 from sounder.touchstone import transmission
@@ -117,7 +117,9 @@ def record(
     return Recording(
         name=name,
         source=Path(f"twin of {sounder.name}"),
-        sounder=sounder,
+        sounder=sounder.model_copy(
+            update={"clock": Clock(step=faults.delay_drift.step if faults.delay_drift else 0.0)}
+        ),
         azimuth=azimuth,
         elevation=elevation,
         snapshots=snapshots,

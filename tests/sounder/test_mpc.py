@@ -194,7 +194,7 @@ def test_no_paths_make_an_empty_table(bench):
         assert made.sizes["mpc"] == 0
         assert list(made) == [
             *("delay", "azimuth", "elevation", "path_gain"),
-            *("delay_std", "azimuth_std", "elevation_std", "path_gain_std"),
+            *("delay_std", "azimuth_std", "elevation_std", "path_gain_std", "clock_std"),
             *("snr", "misfit", "may_be_wrapped", "covariance", "gain_slope", "gain_curvature"),
         ]
 

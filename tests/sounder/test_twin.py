@@ -269,7 +269,7 @@ def test_native_file_holds_what_the_twin_made(tmp_path):
     assert np.array_equal(read.captures(5, 2), recording.captures(5, 2))
     assert np.array_equal(read.agc_gain, recording.agc_gain)
     assert read.los == 1
-    assert read.sounder == SOUNDER
+    assert read.sounder == recording.sounder
     # azimuth turns first: the second elevation starts after 36 directions of one second
     assert read.time[:, 0] == pytest.approx(1.7e9 + np.arange(36))
     assert read.time[0, 1] == 1.7e9 + 36
