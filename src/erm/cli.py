@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from erm import console
+from erm.cli_evaluate import evaluate
 from erm.cli_export import export
 from erm.errors import DataError
 from erm.storage import spare_inputs
@@ -31,20 +32,6 @@ class Threshold(StrEnum):
     consistency = "consistency"
     fixed = "fixed"
     letter = "letter"
-
-
-HELD = {
-    "positions": "positions left out",
-    "components": "their strongest components",
-    "right": "share of these that are predicted",
-    "positions_right": "share of positions with all of these predicted",
-    "positions_located": "the same, by delay and azimuth alone",
-    "positions_given": "the same, gains as measured given the predicted elevations",
-    "positions_compatible": "the same, gains within what the measurement is sure of",
-    "delay": "of those predicted: median error of delay [s]",
-    "azimuth": "median error of azimuth [degree]",
-    "gain": "median error of gain [dB]",
-}
 
 
 @app.command()
@@ -121,96 +108,6 @@ def reconstruct(
 
 
 @app.command()
-def evaluate(
-    environment: MapFile,
-    mpcs: Annotated[
-        list[Path] | None, typer.Argument(help="MPCs whose reflection points are judged too.", show_default=False)
-    ] = None,
-    outline: Annotated[
-        Path | None, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)
-    ] = None,
-    leave_one_out: Annotated[
-        bool,
-        typer.Option(
-            "--leave-one-out",
-            help="Predict each position of the MPCs from a map made of the others, by the defaults; takes minutes.",
-        ),
-    ] = False,
-    z_slice: Annotated[
-        float | None, typer.Option(help="Keep outline features with this z_slice_m; default the lowest.")
-    ] = None,
-    min_visible: Annotated[
-        float, typer.Option(help="Keep outline features with more than this share visible from a receiver.")
-    ] = 0.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-) -> None:
-    """Judge a map by a known outline, or by what it predicts."""
-    import json
-
-    from erm.completeness import completeness, receivers_of
-    from erm.environment import Environment
-    from erm.evaluate import evaluate_mpcs, evaluate_walls, rounded
-    from erm.mpc_table import read_mpcs
-    from erm.outline import outline_of, read_outline
-
-    if leave_one_out and not mpcs:
-        raise typer.BadParameter("--leave-one-out needs the MPCs that the map was made from")
-    if outline is None and not leave_one_out:
-        raise typer.BadParameter("say what to judge by: --outline FILE or --leave-one-out")
-    found = Environment.read(environment)
-    if leave_one_out or outline is None:
-        from erm.holdout import leave_one_out as predict_each
-        from erm.holdout import score
-
-        table, complaints = read_mpcs(mpcs or [])
-        held = score(predict_each(table))
-        if as_json:
-            print(json.dumps(rounded(held, digits=14), indent=2))
-        else:
-            console.show(["leave one out", "result"], ([HELD[name], f"{value:.3g}"] for name, value in held.items()))
-        console.complain(complaints)
-        return
-    if outline.suffix.lower() in (".geojson", ".json"):
-        truth = read_outline(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
-    else:
-        truth = outline_of(Environment.read(outline), found.georeference)
-        if len(truth) == 0:
-            raise DataError(f"{outline}: holds no wall; expected some to judge by")
-    walls = evaluate_walls(found, truth)
-    result: dict = {"walls": walls}
-    complaints = []
-    if mpcs:
-        table, complaints = read_mpcs(mpcs)
-        result["points"] = evaluate_mpcs(table, truth)
-        seen = completeness(found, truth, receivers_of(table))
-        result["visible"] = [row._asdict() for row in seen]
-    if as_json:
-        print(json.dumps(rounded(result), indent=2))
-    else:
-        faces = console.counted(len(truth), "face")
-        print(
-            f"{console.counted(walls['walls'], 'wall')}, {walls['false']} false; "
-            f"on {walls['found']} of {faces} of the outline, seen by a receiver or not"
-        )
-        errors = {"walls: offset [m]": walls["offset_error"], "walls: angle [degree]": walls["angle_error"]}
-        for kind, summaries in result.get("points", {}).items():
-            errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}
-        names = ("count", "min", "max", "mean", "median", "std", "rmse")
-        console.show(
-            ["error", *names], ([label, *(_digits(row[name]) for name in names)] for label, row in errors.items())
-        )
-        if "visible" in result:
-            console.show(
-                ["seen by receivers", "outline [m]", "with a wall [%]"],
-                (
-                    [f"{row['receivers']} or more", f"{row['length']:.0f}", _digits(100 * row["share"])]
-                    for row in result["visible"]
-                ),
-            )
-    console.complain(complaints)
-
-
-@app.command()
 def predict(
     environment: MapFile,
     tx: Annotated[Point, typer.Option(help="Transmitter, east north up [m].", show_default=False)],
@@ -255,6 +152,7 @@ def letter(out: Annotated[Path, typer.Option(help="Folder for the page, its tabl
     print(run(out, installed()))
 
 
+app.command()(evaluate)
 app.command()(export)
 
 
@@ -266,11 +164,6 @@ def main() -> None:
 def _number(value: float) -> str:
     """Return a count as it is, other numbers to the hundredth, nothing for NaN."""
     return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.2f}"
-
-
-def _digits(value: float) -> str:
-    """Return a count as it is, an error to three significant digits, nothing for NaN."""
-    return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.3g}"
 
 
 def _require_suffix(path: Path | None, *known: str) -> None:

@@ -234,7 +234,15 @@ def test_an_error_is_one_line(tmp_path: Path, mpcs: Path, capsys, arguments, com
 
 
 @pytest.mark.parametrize(
-    "arguments", [["reconstruct"], ["predict", "m.h5", "--tx", 1, 2], ["letter"], ["wrong"], ["evaluate", "m.h5"]]
+    "arguments",
+    [
+        ["reconstruct"],
+        ["predict", "m.h5", "--tx", 1, 2],
+        ["letter"],
+        ["wrong"],
+        ["evaluate", "m.h5"],
+        ["evaluate", "m.h5", "mpcs.csv", "--outline", "o.geojson", "--leave-one-out"],
+    ],
 )
 def test_wrong_usage_exits_with_2(arguments):
     assert run(*arguments) == 2

@@ -1,0 +1,144 @@
+"""The command ``erm evaluate``: a map judged by a known outline, or by what it predicts."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from erm import console
+from erm.errors import DataError
+
+if TYPE_CHECKING:
+    from erm.environment import Environment
+    from erm.geometry import FloatArray
+
+HELD = {
+    "positions": "positions left out",
+    "components": "their strongest components",
+    "right": "share of these that are predicted",
+    "positions_right": "share of positions with all of these predicted",
+    "positions_located": "the same, by delay and azimuth alone",
+    "positions_given": "the same, gains as measured given the predicted elevations",
+    "positions_compatible": "the same, gains within what the measurement is sure of",
+    "delay": "of those predicted: median error of delay [s]",
+    "azimuth": "median error of azimuth [degree]",
+    "gain": "median error of gain [dB]",
+}
+SUMMARY = ("count", "min", "max", "mean", "median", "std", "rmse")
+
+
+def evaluate(
+    environment: Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)],
+    mpcs: Annotated[
+        list[Path] | None, typer.Argument(help="MPCs whose reflection points are judged too.", show_default=False)
+    ] = None,
+    outline: Annotated[
+        Path | None, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)
+    ] = None,
+    leave_one_out: Annotated[
+        bool,
+        typer.Option(
+            "--leave-one-out",
+            help="Predict each position of the MPCs from a map made of the others, by the defaults; takes minutes.",
+        ),
+    ] = False,
+    z_slice: Annotated[
+        float | None, typer.Option(help="Keep outline features with this z_slice_m; default the lowest.")
+    ] = None,
+    min_visible: Annotated[
+        float, typer.Option(help="Keep outline features with more than this share visible from a receiver.")
+    ] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Judge a map by a known outline, or by what it predicts."""
+    if leave_one_out == (outline is not None):
+        raise typer.BadParameter("say what to judge by: either --outline FILE or --leave-one-out")
+    if leave_one_out and not mpcs:
+        raise typer.BadParameter("--leave-one-out needs the MPCs that the map was made from")
+    from erm.environment import Environment
+
+    found = Environment.read(environment)
+    if outline is None:
+        _by_prediction(mpcs or [], as_json)
+    else:
+        _by_outline(found, _truth(outline, found, z_slice, min_visible), mpcs or [], as_json)
+
+
+def _by_prediction(mpcs: list[Path], as_json: bool) -> None:
+    """Leave one position out after the other."""
+    from erm.evaluate import rounded
+    from erm.holdout import leave_one_out, score
+    from erm.mpc_table import read_mpcs
+
+    table, complaints = read_mpcs(mpcs)
+    held = score(leave_one_out(table))
+    if as_json:
+        print(json.dumps(rounded(held, digits=14), indent=2))
+    else:
+        console.show(["leave one out", "result"], ([HELD[name], f"{value:.3g}"] for name, value in held.items()))
+    console.complain(complaints)
+
+
+def _truth(outline: Path, found: "Environment", z_slice: float | None, min_visible: float) -> "FloatArray":
+    """Faces of an outline or a true map, in the frame of the map found."""
+    from erm.environment import Environment
+    from erm.outline import outline_of, read_outline
+
+    if outline.suffix.lower() in (".geojson", ".json"):
+        return read_outline(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
+    truth = outline_of(Environment.read(outline), found.georeference)
+    if len(truth) == 0:
+        raise DataError(f"{outline}: holds no wall; expected some to judge by")
+    return truth
+
+
+def _by_outline(found: "Environment", truth: "FloatArray", mpcs: list[Path], as_json: bool) -> None:
+    """Hold walls, and the reflection points of MPCs, against known faces."""
+    from erm.completeness import completeness, receivers_of
+    from erm.evaluate import evaluate_mpcs, evaluate_walls, rounded
+    from erm.mpc_table import read_mpcs
+
+    result: dict[str, Any] = {"walls": evaluate_walls(found, truth)}
+    complaints: list[str] = []
+    if mpcs:
+        table, complaints = read_mpcs(mpcs)
+        result["points"] = evaluate_mpcs(table, truth)
+        seen = completeness(found, truth, receivers_of(table))
+        result["visible"] = [row._asdict() for row in seen]
+    if as_json:
+        print(json.dumps(rounded(result), indent=2))
+    else:
+        _print(result, len(truth))
+    console.complain(complaints)
+
+
+def _print(result: Mapping[str, Any], faces: int) -> None:
+    walls = result["walls"]
+    print(
+        f"{console.counted(walls['walls'], 'wall')}, {walls['false']} false; "
+        f"on {walls['found']} of {console.counted(faces, 'face')} of the outline, seen by a receiver or not"
+    )
+    errors = {"walls: offset [m]": walls["offset_error"], "walls: angle [degree]": walls["angle_error"]}
+    for kind, summaries in result.get("points", {}).items():
+        errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}
+    errors = {label: row for label, row in errors.items() if row["count"]}
+    if errors:
+        console.show(
+            ["error", *SUMMARY], ([label, *(_digits(row[name]) for name in SUMMARY)] for label, row in errors.items())
+        )
+    if "visible" in result:
+        console.show(
+            ["seen by receivers", "outline [m]", "with a wall [%]"],
+            (
+                [f"{row['receivers']} or more", f"{row['length']:.0f}", _digits(100 * row["share"])]
+                for row in result["visible"]
+            ),
+        )
+
+
+def _digits(value: float) -> str:
+    """Return a count as it is, an error to three significant digits, nothing for NaN."""
+    return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.3g}"
