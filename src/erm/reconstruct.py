@@ -1,5 +1,7 @@
 """From selected components to a map: common images found, walls told from chains of bounces, extents measured."""
 
+from dataclasses import replace
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +22,7 @@ from erm.walls.scatterers import Pole
 from erm.walls.search import joined, search
 from erm.walls.turns import Group
 from erm.walls.wall import Wall
+from erm.wrapped import later, with_later
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,30 +56,82 @@ def reconstruct(
         to the ground; there is a ground if a bounce off it was seen.
     table : xarray.Dataset
         The table with ``image`` (number of the common image that the path points to, a wall's or a chain's, -1 none),
-        ``wall`` (index of the reflector, -1 none) and ``wall_point`` (mpc, xyz) [m], where the
-        merged wall reflects this path. Components without a wall are no longer accepted and say why. Attributes
-        ``delay_std`` [s] and ``azimuth_std`` [degree] are the median errors that the residuals agree with.
+        ``wall`` (index of the reflector, -1 none), ``wall_point`` (mpc, xyz) [m], where the merged wall reflects this
+        path, and ``periods``, by how many of ``wrap_period`` the ``delay`` is longer than it was given: of components
+        that share a wall with other positions only so (`erm.wrapped`). Components without a wall are no longer accepted
+        and say why. Attributes ``delay_std`` [s] and ``azimuth_std`` [degree] are the median errors that the residuals
+        agree with.
     """
     rows = np.flatnonzero(table["accepted"].values)
     certain = rows[table["reflection_loss"].values[rows] <= table.attrs["max_reflection_loss"]]
     known = table["errors_known"].values[certain]
     before = None if start is None else start[certain]
     first, groups = search(paths_of(table, certain), known, min_support, table.attrs.get("errors_count", 0), before)
-    paths, groups = joined(first, groups, paths_of(table, rows), min_support)
-    candidates = [Wall(paths, group.line, group.members) for group in groups]
-    verdict = decide(candidates, _witnesses(paths, groups), lines_of_sight(table), _links(table), max_gap)
+    paths, groups = joined(first, groups, paths_of(table, rows), np.searchsorted(rows, certain), min_support)
+    sure, as_measured = len(paths), len(groups)
+    paths, groups, longer = _with_later(table, paths, groups, min_support)
+
+    def decided() -> Verdict:
+        candidates = [Wall(paths, group.line, group.members) for group in groups]
+        return decide(candidates, _witnesses(paths, groups), lines_of_sight(table), _links(table), max_gap)
+
+    verdict = decided()
+    # what is not believed of delays that nobody measured is no evidence about the others either
+    taken = np.concatenate([np.empty(0, dtype=np.int64), *(wall.members for wall in verdict.walls)])
+    believed = [n < as_measured or bool(np.isin(group.members, taken).all()) for n, group in enumerate(groups)]
+    if not all(believed):
+        groups = list(compress(groups, believed))
+        verdict = decided()
+    table = _unwrapped(table, longer, verdict.walls, sure)
     in_line = [*verdict.walls, *(wall for wall, why in verdict.rejected if why != ACCIDENTAL)]
     taken = np.concatenate([np.empty(0, dtype=np.int64), *(wall.paths.row for wall in in_line)])
     poles, of_poles = _poles(table, taken, verdict.walls, min_support)
     environment, enriched = _map(verdict, poles, of_poles, table)
     image = np.full(table.sizes["mpc"], -1)
     for number, group in enumerate(groups):
-        image[paths.row[group.members]] = number
+        image[paths.row[group.members[group.members < sure]]] = number
     enriched = enriched.assign(image=("mpc", image))
     if len(paths):
         typical = {"delay_std": paths.length_std / c, "azimuth_std": paths.azimuth_std}
         enriched = enriched.assign_attrs({name: float(np.median(std)) for name, std in typical.items()})
     return environment, enriched
+
+
+def _with_later(
+    table: "xr.Dataset", paths: Paths, groups: list[Group], min_support: int
+) -> tuple[Paths, list[Group], "xr.Dataset"]:
+    """The paths and, after them, those that agree with others if their delays wrapped; and the rows of the latter."""
+    import xarray as xr
+
+    free = ~np.isin(table["reason"].values, ("direct path", "ground bounce"))
+    for group in groups:
+        free[paths.row[group.members]] = False
+    longer, row = later(table, free)
+    count = len(paths)
+    if len(row) < min_support:
+        return paths, groups, longer.isel(mpc=slice(0))
+    both = paths_of(xr.concat([table, longer], dim="mpc"), np.r_[paths.row, table.sizes["mpc"] + np.arange(len(row))])
+    both = replace(both, row=np.r_[paths.row, row])
+    both, grown = joined(paths, groups, both, np.arange(count), min_support)
+    groups = with_later(both, groups, grown, count, min_support)
+    members = np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])
+    used = np.unique(members[members >= count])
+    kept = np.r_[np.arange(count), used]
+    groups = [Group(group.line, np.searchsorted(kept, group.members)) for group in groups]
+    return both.take(kept), groups, longer.isel(mpc=used - count)
+
+
+def _unwrapped(table: "xr.Dataset", longer: "xr.Dataset", walls: list[Wall], count: int) -> "xr.Dataset":
+    """The table with rows of ``longer`` in place of those that walls took from there: paths from ``count`` on."""
+    import xarray as xr
+
+    source = np.arange(table.sizes["mpc"])
+    for wall in walls:
+        wrapped = wall.members >= count
+        source[wall.paths.row[wrapped]] = table.sizes["mpc"] + wall.members[wrapped] - count
+    chosen = xr.concat([table, longer], dim="mpc").isel(mpc=source)
+    periods = np.round((chosen["delay"].values - table["delay"].values) / table["wrap_period"].values)
+    return chosen.assign(periods=("mpc", np.nan_to_num(periods).astype(np.int64)))
 
 
 def _poles(table: "xr.Dataset", taken: IntArray, walls: list[Wall], min_support: int) -> tuple[list[Pole], Paths]:

@@ -114,7 +114,7 @@ def select(
         "ground_height": ground_height,
     }
     return (
-        _with_faces(table)
+        with_faces(table)
         .assign(
             link=("mpc", link),
             cluster=("mpc", cluster),
@@ -254,7 +254,7 @@ def _at_bearing_of_transmitter(table: "xr.Dataset") -> BoolArray:
     return np.abs(angle_difference(table["azimuth"].values, bearing)) < tolerance
 
 
-def _with_faces(table: "xr.Dataset") -> "xr.Dataset":
+def with_faces(table: "xr.Dataset") -> "xr.Dataset":
     """The table with the face of each component, were it a single bounce."""
     path = (
         table["tx_position"].values,

@@ -65,14 +65,17 @@ def _groups_of(paths: Paths, image: IntArray) -> list[Group]:
     return [Group(lines.one(number), np.sort(own)) for number, own in enumerate(members)]
 
 
-def joined(first: Paths, groups: list[Group], paths: Paths, min_support: int) -> tuple[Paths, list[Group]]:
-    """Let paths that may have lost too much join the groups of ``first``, the others, and make groups of their own.
+def joined(
+    first: Paths, groups: list[Group], paths: Paths, at: IntArray, min_support: int
+) -> tuple[Paths, list[Group]]:
+    """Let unsure paths join the groups of ``first``, the others, and make groups of their own.
 
-    Their errors are widened as those of the others were; to the estimate of errors they add nothing.
+    ``at`` (path of first,) tells where the others are among all the paths: those that may have lost too much, or are
+    later than measured, are unsure. Their errors are widened as those of the others were; to the estimate of errors
+    they add nothing.
     """
     if len(first) == len(paths):
         return first, groups
-    at = np.searchsorted(paths.row, first.row)
     wider = []
     for name in ("length_std", "azimuth_std"):
         own = getattr(paths, name)
