@@ -65,7 +65,8 @@ def azimuth_of(vector: npt.ArrayLike) -> FloatArray:
 
 def angle_difference(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
     """``a - b`` the short way round, in [-180, 180) [degree]."""
-    return (np.asarray(a, dtype=float) - np.asarray(b, dtype=float) + 180) % 360 - 180
+    apart = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
+    return np.asarray(apart - 360 * np.floor((apart + 180) / 360))  # the remainder of floats takes six times as long
 
 
 def virtual_anchor(

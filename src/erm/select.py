@@ -238,7 +238,7 @@ def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: floa
     source = "the table" if known.all() else found.source if delay_std is azimuth_std is None else "the caller"
     count = found.sample if source == found.source else 0
     return table.assign(
-        {name: table[name].copy(data=_filled(table[name].values, value)) for name, value in given.items()}
+        {name: ("mpc", _filled(table[name].values, value), table[name].attrs) for name, value in given.items()}
         | {"errors_known": ("mpc", known)}
     ).assign_attrs(errors_from=source, errors_count=count)
 

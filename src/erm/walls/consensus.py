@@ -94,7 +94,7 @@ def _reassigned(images: Images, groups: list[Group], min_support: int) -> list[G
     members = claims.kept(best)
     enough = np.flatnonzero(members.sizes >= min_support)
     members = members.take(enough)
-    lines = fit_lines(paths, members, lines.take(enough))
+    lines = fit_lines(paths.rays, members, lines.take(enough))
     one = paths.take(members.rows)
     frames = lines.frames(members.owner)
     cosine = np.clip((frames.depth(one.tx) + frames.depth(one.rx)) / one.length, 0, 1)
@@ -103,5 +103,5 @@ def _reassigned(images: Images, groups: list[Group], min_support: int) -> list[G
     left = members.kept(mirrored)
     enough = np.flatnonzero(left.sizes >= min_support)
     lines, members, fewer = lines.take(enough), left.take(enough), np.flatnonzero((left.sizes < before)[enough])
-    lines = lines.put(fewer, fit_lines(paths, members.take(fewer), lines.take(fewer)))
+    lines = lines.put(fewer, fit_lines(paths.rays, members.take(fewer), lines.take(fewer)))
     return [Group(lines.one(number), own) for number, own in enumerate(members)]

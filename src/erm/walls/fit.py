@@ -6,7 +6,7 @@ import numpy as np
 
 from erm.geometry import FloatArray, angle_difference
 from erm.walls.line import Frame, Line, Lines
-from erm.walls.paths import IntArray, Rays
+from erm.walls.paths import IntArray, Paths, Rays
 from erm.walls.ragged import Ragged, sums
 
 STEPS = 30  # of a fit, at most; five are the rule
@@ -32,13 +32,13 @@ def residuals(paths: Rays, frame: Frame) -> Residuals:
     The image ``VA = tx + 2 (o - n.tx) n`` moves by ``2 (o - n.tx) m - 2 (m.tx) n`` a radian, ``2 n`` a metre.
     """
     nx, ny, offset, px, py = frame  # m is (-ny, nx)
-    tx_east, tx_north = paths.tx[:, 0] - px, paths.tx[:, 1] - py
+    tx_east, tx_north = paths.tx_east - px, paths.tx_north - py
     depth = offset - tx_east * nx - tx_north * ny
     aside = tx_north * nx - tx_east * ny
-    east = tx_east - (paths.rx[:, 0] - px) + 2 * depth * nx
-    north = tx_north - (paths.rx[:, 1] - py) + 2 * depth * ny
-    level = np.hypot(east, north)
-    slant = np.hypot(level, paths.tx[:, 2] - paths.rx[:, 2])
+    east = tx_east - (paths.rx_east - px) + 2 * depth * nx
+    north = tx_north - (paths.rx_north - py) + 2 * depth * ny
+    square = east * east + north * north  # np.hypot takes ten times as long, for what no campaign overflows
+    level, slant = np.sqrt(square), np.sqrt(square + paths.climb**2)
     cosine, sine = east / level, north / level
     toward_n, toward_m = cosine * nx + sine * ny, sine * nx - cosine * ny
     steep = 2 * level / slant
@@ -70,38 +70,41 @@ def chi_squared(
     return (r * r * azimuth - 2 * r * s * mixed + s * s * length) / (length * azimuth - mixed**2)
 
 
-def misfit(paths: Rays, line: Line) -> FloatArray:
+def misfit(paths: Paths, line: Line) -> FloatArray:
     """Chi-squared (path,) of each path against a wall, the wall's own uncertainty included.
 
     Infinite where an antenna stands behind the wall.
     """
     (a, b), (_, d) = line.covariance.tolist()
-    return _misfit(paths, line.frame(), (a, b, d))
+    return _misfit(paths.rays, line.frame(), (a, b, d))
 
 
 def misfits(paths: Rays, rows: IntArray, lines: Lines, of: IntArray) -> FloatArray:
     """Chi-squared (row,) of `misfit` of rows of the paths, each against one of many lines."""
     found = np.empty(len(rows))
     frames = np.stack(lines.frames())
-    variances = lines.covariance[:, [0, 0, 1], [0, 1, 1]].T
+    variances = np.ascontiguousarray(lines.covariance[:, [0, 0, 1], [0, 1, 1]].T)
     for first in range(0, len(rows), BATCH):
         part = slice(first, first + BATCH)
-        a, b, d = variances[:, of[part]]
-        found[part] = _misfit(paths.rays(rows[part]), Frame(*frames[:, of[part]]), (a, b, d))
+        own = of[part]
+        a, b, d = (column[own] for column in variances)
+        found[part] = _misfit(paths.take(rows[part]), Frame(*(column[own] for column in frames)), (a, b, d))
     return found
 
 
 def _misfit(
     paths: Rays, frame: Frame, variance: tuple[FloatArray | float, FloatArray | float, FloatArray | float]
 ) -> FloatArray:
-    in_front = np.minimum(frame.depth(paths.tx), frame.depth(paths.rx)) > 0
-    return np.where(in_front, chi_squared(paths, residuals(paths, frame), variance), np.inf)
+    chi2 = chi_squared(paths, residuals(paths, frame), variance)
+    tx, rx = frame.before(paths.tx_east, paths.tx_north), frame.before(paths.rx_east, paths.rx_north)
+    chi2[~(np.minimum(tx, rx) > 0)] = np.inf
+    return chi2
 
 
-def fit_line(paths: Rays, start: Line, steps: int = STEPS) -> Line:
+def fit_line(paths: Paths, start: Line, steps: int = STEPS) -> Line:
     """Most likely wall of a set of paths, from a nearby start; see `fit_lines`."""
     members = Ragged(np.arange(len(paths)), np.array([0, len(paths)]))
-    return fit_lines(paths, members, Lines.of([start]), np.array([steps])).one(0)
+    return fit_lines(paths.rays, members, Lines.of([start]), np.array([steps])).one(0)
 
 
 def fit_lines(paths: Rays, members: Ragged, starts: Lines, steps: IntArray | int = STEPS) -> Lines:
@@ -125,15 +128,15 @@ def fit_lines(paths: Rays, members: Ragged, starts: Lines, steps: IntArray | int
     parts = []
     for part in members.parts(BATCH):
         some = members.part(part)
-        parts.append(_fitted(paths.rays(some.rows), some.start, starts.take(part), steps[part]))
+        parts.append(_fitted(paths.take(some.rows), some.start, starts.take(part), steps[part]))
     return Lines(*(np.concatenate(columns) for columns in zip(*parts, strict=True))) if parts else starts
 
 
 def _fitted(paths: Rays, start: IntArray, lines: Lines, steps: IntArray) -> Lines:
     """Fit lines to stretches of paths, the first from ``start[0]`` to ``start[1]``."""
-    going = Ragged(np.arange(len(paths)), start)
+    going = Ragged(np.arange(start[-1]), start)
     of = going.owner
-    east, north, _ = lines.frames(of).bounce(paths.tx, paths.rx)
+    east, north = lines.frames(of).bounce(paths)
     lines = lines.about(sums(np.stack([east, north], axis=-1), start) / going.sizes[:, None])
     fitted, which, taken = lines, np.arange(len(going)), 0
     while len(which):
@@ -144,8 +147,8 @@ def _fitted(paths: Rays, start: IntArray, lines: Lines, steps: IntArray) -> Line
             fitted = fitted.put(which[done], lines.take(done))
             rest = np.flatnonzero(~done)
             which, lines, steps, going = which[rest], lines.take(rest), steps[rest], going.take(rest)
-            paths = paths.rays(going.rows)
-            going = Ragged(np.arange(len(paths)), going.start)
+            paths = paths.take(going.rows)
+            going = Ragged(np.arange(going.start[-1]), going.start)
             of = going.owner
     return fitted
 
@@ -153,7 +156,7 @@ def _fitted(paths: Rays, start: IntArray, lines: Lines, steps: IntArray) -> Line
 def _stepped(paths: Rays, of: IntArray, start: IntArray, lines: Lines) -> tuple[Lines, FloatArray]:
     """Lines after one Gauss-Newton step, with their covariances before it, and the steps (line, 2)."""
     residual = residuals(paths, lines.frames(of))
-    terms = np.zeros((5, len(paths)))
+    terms = np.zeros((5, len(of)))
     for value, by_normal, by_offset, std in (
         (residual.length, residual.length_by_normal, residual.length_by_offset, paths.length_std),
         (residual.azimuth, residual.azimuth_by_normal, residual.azimuth_by_offset, paths.azimuth_std),

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from erm.geometry import FloatArray, face_line, line_covariance, mirrored, unit
-from erm.walls.paths import BoolArray, IntArray, Rays
+from erm.walls.paths import BoolArray, IntArray, Paths, Rays
 
 
 class Frame(NamedTuple):
@@ -19,23 +19,26 @@ class Frame(NamedTuple):
 
     def depth(self, points: FloatArray) -> FloatArray:
         """Signed distance (...) of points (..., 2 or more) in front of the line [m]."""
-        return (points[..., 0] - self.px) * self.nx + (points[..., 1] - self.py) * self.ny - self.offset
+        return self.before(points[..., 0], points[..., 1])
+
+    def before(self, east: FloatArray, north: FloatArray) -> FloatArray:
+        """Signed distance (...) of points in columns (...) in front of the line [m]."""
+        return (east - self.px) * self.nx + (north - self.py) * self.ny - self.offset
 
     def along(self, points: FloatArray) -> FloatArray:
         """Coordinate (...) of points (..., 2 or more) along the line, left of its normal [m]."""
         return (points[..., 1] - self.py) * self.nx - (points[..., 0] - self.px) * self.ny
 
-    def bounce(self, tx: FloatArray, rx: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return where (path, 3) paths between antennas (path, 3) bounce off, as columns [m].
+    def bounce(self, rays: Rays) -> tuple[FloatArray, FloatArray]:
+        """Return where (path,), east and north, paths bounce off [m].
 
         It depends on the antennas and the wall alone, so it is better by far than a point from one azimuth.
         """
-        before, behind = self.depth(rx), self.depth(tx)
-        share = before / (behind + before)
-        x, y, z = rx[:, 0], rx[:, 1], rx[:, 2]
-        east = x + share * (tx[:, 0] - 2 * behind * self.nx - x)
-        north = y + share * (tx[:, 1] - 2 * behind * self.ny - y)
-        return east, north, z + share * (tx[:, 2] - z)
+        near, far = self.before(rays.rx_east, rays.rx_north), self.before(rays.tx_east, rays.tx_north)
+        share = near / (far + near)
+        east = rays.rx_east + share * (rays.tx_east - 2 * far * self.nx - rays.rx_east)
+        north = rays.rx_north + share * (rays.tx_north - 2 * far * self.ny - rays.rx_north)
+        return east, north
 
 
 class Line(NamedTuple):
@@ -134,10 +137,13 @@ def anchors(line: Line, tx: FloatArray) -> FloatArray:
 
 def bounce_points(line: Line, tx: FloatArray, rx: FloatArray) -> FloatArray:
     """Where (path, 3) the wall reflects the path of each pair of antennas [m]."""
-    return np.stack(line.frame().bounce(tx, rx), axis=-1)
+    frame = line.frame()
+    before, behind = frame.depth(rx), frame.depth(tx)
+    image = np.stack([tx[:, 0] - 2 * behind * frame.nx, tx[:, 1] - 2 * behind * frame.ny, tx[:, 2]], axis=-1)
+    return rx + (before / (behind + before))[:, None] * (image - rx)
 
 
-def seed_lines(path: Rays) -> Lines:
+def seed_lines(path: Paths) -> Lines:
     """Line of the face of each path, about the middle between its antennas."""
     pivot = (path.tx[:, :2] + path.rx[:, :2]) / 2
     tx, rx = path.tx.copy(), path.rx.copy()
@@ -148,9 +154,9 @@ def seed_lines(path: Rays) -> Lines:
     return Lines(normal, offset, covariance, pivot)
 
 
-def seed_line(path: Rays) -> Line:
+def seed_line(path: Paths) -> Line:
     """Line of the face of the first path."""
-    return seed_lines(path.rays(slice(0, 1))).one(0)
+    return seed_lines(path).one(0)
 
 
 def _replaced(values: FloatArray, where: IntArray | BoolArray, by: FloatArray) -> FloatArray:

@@ -1,6 +1,8 @@
 """Measured paths as plain arrays."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +13,27 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 
+class Rays(NamedTuple):
+    """What of measured paths a wall predicts, in columns (path,): these are gathered by the million."""
+
+    tx_east: FloatArray  # m
+    tx_north: FloatArray  # m
+    rx_east: FloatArray  # m
+    rx_north: FloatArray  # m
+    climb: FloatArray  # m; of the transmitter above the receiver
+    length: FloatArray  # m, slant
+    azimuth: FloatArray  # degree, of arrival
+    length_std: FloatArray  # m
+    azimuth_std: FloatArray  # degree
+
+    def take(self, rows: IntArray | BoolArray) -> "Rays":
+        """Return those of an index or mask."""
+        return Rays(*(column[rows] for column in self))
+
+
 @dataclass(frozen=True)
-class Rays:
-    """What of measured paths a wall predicts, along ``path``.
+class Paths:
+    """Measured paths that may be single bounces, as plain arrays along ``path``.
 
     Parameters
     ----------
@@ -23,36 +43,6 @@ class Rays:
         Slant length [m] and azimuth of arrival [degree].
     length_std, azimuth_std : array (path,)
         Their standard errors.
-    """
-
-    tx: FloatArray
-    rx: FloatArray
-    length: FloatArray
-    azimuth: FloatArray
-    length_std: FloatArray
-    azimuth_std: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.length)
-
-    def rays(self, rows: IntArray | BoolArray | slice) -> "Rays":
-        """Return those of an index or mask, without what else is known of them."""
-        return Rays(
-            self.tx[rows],
-            self.rx[rows],
-            self.length[rows],
-            self.azimuth[rows],
-            self.length_std[rows],
-            self.azimuth_std[rows],
-        )
-
-
-@dataclass(frozen=True)
-class Paths(Rays):
-    """Measured paths that may be single bounces.
-
-    Parameters
-    ----------
     link : array (path,) of int
         Pair of antennas; a wall makes one path a link.
     transmitter : array (path,) of int
@@ -67,6 +57,12 @@ class Paths(Rays):
         Row of the table; hypotheses on one component share it.
     """
 
+    tx: FloatArray
+    rx: FloatArray
+    length: FloatArray
+    azimuth: FloatArray
+    length_std: FloatArray
+    azimuth_std: FloatArray
     link: IntArray
     transmitter: IntArray
     loss: FloatArray
@@ -76,9 +72,30 @@ class Paths(Rays):
     rise_std: FloatArray
     row: IntArray
 
+    def __len__(self) -> int:
+        return len(self.length)
+
+    @cached_property
+    def rays(self) -> Rays:
+        """What of them a wall predicts."""
+        (tx_east, tx_north, tx_up), (rx_east, rx_north, rx_up) = (
+            np.ascontiguousarray(end.T) for end in (self.tx, self.rx)
+        )
+        return Rays(
+            tx_east,
+            tx_north,
+            rx_east,
+            rx_north,
+            tx_up - rx_up,
+            self.length,
+            self.azimuth,
+            self.length_std,
+            self.azimuth_std,
+        )
+
     def take(self, rows: IntArray | BoolArray) -> "Paths":
         """Return the paths of an index or mask."""
-        return Paths(*(value[rows] for value in vars(self).values()))
+        return Paths(*(getattr(self, one.name)[rows] for one in fields(self)))
 
     def with_errors(self, length_std: FloatArray, azimuth_std: FloatArray) -> "Paths":
         """Return the same paths with other standard errors."""

@@ -56,7 +56,7 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
         chain[group.members] = number
     measured = paths.tx, paths.rx, paths.length, paths.azimuth
     points, _ = reflection_point(*measured)
-    starts = Points(points, point_covariance(*measured, *errors(paths)))
+    starts = Points(points, point_covariance(*measured, *errors(paths.rays)))
     near = within(cKDTree(points), points, REACH)
     links = near.distinct(paths.link)
     order = np.lexsort((paths.length, -links))
@@ -102,9 +102,9 @@ def _accidents(paths: Paths, pole: Pole) -> float:
         return least
     others = np.ones(len(paths), dtype=bool)
     others[pole.members] = False
-    inward = pole.centre - middle_of_antennas(paths.rays(pole.members), np.array([0, len(pole.members)]))[0]
+    inward = pole.centre - middle_of_antennas(paths.take(pole.members), np.array([0, len(pole.members)]))[0]
     surface = pole.centre - pole.radius * inward / np.linalg.norm(inward)
-    chi2 = misfit(paths.rays(others), surface, pole.covariance)
+    chi2 = misfit(paths.rays.take(others), surface, pole.covariance)
     chance = (np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE)) + UNSEEN) / (RING**2 - 1)
     # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
     return float(len(paths) * gammainc(support, chance))

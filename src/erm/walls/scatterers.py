@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erm.geometry import FloatArray, angle_difference, azimuth_of
+from erm.geometry import FloatArray, angle_difference
 from erm.walls.images import GATE
 from erm.walls.loss import weighted_quantiles
 from erm.walls.paths import IntArray, Paths, Rays
@@ -101,7 +101,7 @@ def poles_of(paths: Paths, points: Points, members: Ragged) -> list[Pole | None]
     ]
 
 
-def middle_of_antennas(paths: Rays, start: IntArray) -> FloatArray:
+def middle_of_antennas(paths: Paths, start: IntArray) -> FloatArray:
     """Middle (list, 2) of all antennas of lists of paths: the fitted point is on the surface, on their side."""
     return sums((paths.tx[:, :2] + paths.rx[:, :2]) / 2, start) / np.diff(start)[:, None]
 
@@ -145,7 +145,7 @@ def radii_of(paths: Paths, place: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _gathered(paths: Paths, points: Points, around: Ragged) -> Ragged:
     """Paths around points that agree with them, the best of each link, ascending."""
     of, rows = around.owner, around.rows
-    chi2 = misfit(paths.rays(rows), points.place[of], points.covariance[of])
+    chi2 = misfit(paths.rays.take(rows), points.place[of], points.covariance[of])
     inside = np.flatnonzero(chi2 < GATE)
     of, rows = of[inside], rows[inside]
     key = of * (paths.link.max(initial=0) + 1) + paths.link[rows]
@@ -161,8 +161,8 @@ def _fit(paths: Paths, place: FloatArray, members: Ragged) -> tuple[FloatArray, 
     going = np.arange(len(place))
     for _ in range(STEPS):
         own = members.take(going)
-        rays = paths.rays(own.rows)
-        terms = np.zeros((5, len(rays)))
+        rays = paths.rays.take(own.rows)
+        terms = np.zeros((5, len(own.rows)))
         length, azimuth, by_length, by_azimuth = _residuals(rays, place[going][own.owner])
         for value, (east, north), std in zip((length, azimuth), (by_length, by_azimuth), errors(rays), strict=True):
             weight = 1 / std**2
@@ -185,11 +185,13 @@ def _residuals(
 
     Seen from above the path is ``|tx - p| + |p - rx|`` long, and unfolded at a vertical face it climbs evenly.
     """
-    first, second = place - paths.tx[:, :2], place - paths.rx[:, :2]
-    d1, d2 = np.hypot(first[:, 0], first[:, 1]), np.hypot(second[:, 0], second[:, 1])
-    slant = np.hypot(d1 + d2, paths.tx[:, 2] - paths.rx[:, 2])
-    east, north = second[:, 0] / d2, second[:, 1] / d2
+    tx_east, tx_north = place[..., 0] - paths.tx_east, place[..., 1] - paths.tx_north
+    rx_east, rx_north = place[..., 0] - paths.rx_east, place[..., 1] - paths.rx_north
+    d1, d2 = np.sqrt(tx_east**2 + tx_north**2), np.sqrt(rx_east**2 + rx_north**2)
+    slant = np.sqrt((d1 + d2) ** 2 + paths.climb**2)
+    east, north = rx_east / d2, rx_north / d2
     steep = (d1 + d2) / slant
-    by_length = (first[:, 0] / d1 + east) * steep, (first[:, 1] / d1 + north) * steep
+    by_length = (tx_east / d1 + east) * steep, (tx_north / d1 + north) * steep
     by_azimuth = np.rad2deg(-north / d2), np.rad2deg(east / d2)
-    return paths.length - slant, angle_difference(paths.azimuth, azimuth_of(second)), by_length, by_azimuth
+    aside = angle_difference(paths.azimuth, np.rad2deg(np.arctan2(rx_north, rx_east)))
+    return paths.length - slant, aside, by_length, by_azimuth

@@ -95,14 +95,14 @@ def _not_longer(paths: Paths, groups: list[Group], sure: npt.NDArray[np.bool_], 
     lines, members = Lines.of([group.line for group in groups]), Ragged.of_lists([group.members for group in groups])
     of, certain = members.owner, sure[members.rows]
     frames = lines.frames(of)
-    along = frames.along(np.stack(frames.bounce(paths.tx[members.rows], paths.rx[members.rows]), axis=-1))
+    along = frames.along(np.stack(frames.bounce(paths.rays.take(members.rows)), axis=-1))
     low, high = np.full(len(groups), np.inf), np.full(len(groups), -np.inf)
     np.minimum.at(low, of[certain], along[certain])
     np.maximum.at(high, of[certain], along[certain])
     enough = np.bincount(of[certain], minlength=len(groups)) >= min_support
     kept = members.kept(certain | ((along >= low[of]) & (along <= high[of])) | ~enough[of])
     some = np.flatnonzero(enough)
-    lines = lines.put(some, fit_lines(paths, kept.take(some), lines.take(some)))
+    lines = lines.put(some, fit_lines(paths.rays, kept.take(some), lines.take(some)))
     return [Group(lines.one(number), own) for number, own in enumerate(kept)]
 
 
@@ -141,7 +141,7 @@ def _white_residuals(paths: Paths, groups: list[Group]) -> tuple[FloatArray, npt
     lengths of three paths and little of their azimuths.
     """
     lines, members = Lines.of([group.line for group in groups]), Ragged.of_lists([group.members for group in groups])
-    rays = paths.rays(members.rows)
+    rays = paths.rays.take(members.rows)
     found = residuals(rays, lines.frames(members.owner))
     a, b, d = lines.covariance[members.owner][:, [0, 0, 1], [0, 1, 1]].T
     white, room = [], []

@@ -44,7 +44,7 @@ def settle(images: Images, lines: Lines, free: BoolArray) -> Settled:
             break
         enough = gathered.sizes > 1
         going, settled, gathered = going[enough], settled[enough], gathered.take(np.flatnonzero(enough))
-        fitted = fit_lines(images.paths, gathered, lines.take(going), np.where(settled, STEPS, ROUGHLY))
+        fitted = fit_lines(images.paths.rays, gathered, lines.take(going), np.where(settled, STEPS, ROUGHLY))
         lines = lines.put(going, fitted)
         going = going[~settled]
         if len(going) == 0:
@@ -71,7 +71,7 @@ def _gather(images: Images, lines: Lines, free: BoolArray) -> tuple[Ragged, Floa
     paths = images.paths
     of, rows = images.about(lines)
     of, rows = of[free[rows]], rows[free[rows]]
-    chi2 = misfits(paths, rows, lines, of)
+    chi2 = misfits(paths.rays, rows, lines, of)
     inside = np.flatnonzero(chi2 < GATE)
     of, rows, chi2 = of[inside], rows[inside], chi2[inside]
     key = of * (paths.link.max(initial=0) + 1) + paths.link[rows]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from erm.geometry import FloatArray, bisector
+from erm.geometry import FloatArray, angle_difference, bisector
 from erm.walls.fit import fit_lines
 from erm.walls.images import GATE, REACH, Images, outer
 from erm.walls.line import Lines, seed_lines
@@ -69,12 +69,11 @@ def _farthest(paths: Paths, seeds: IntArray, partners: Ragged) -> Ragged:
 def _agreement(images: Images, guess: FloatArray, rows: IntArray) -> FloatArray:
     """How well (row,) paths agree with images (row, 2): 1 if exactly, 0 outside the gate."""
     paths = images.paths
-    rx, tx = paths.rx[rows], paths.tx[rows]
-    east, north = guess[:, 0] - rx[:, 0], guess[:, 1] - rx[:, 1]
-    slant = np.hypot(np.hypot(east, north), tx[:, 2] - rx[:, 2])
-    late = (paths.length[rows] - slant) / images.along[rows]
-    aside = np.rad2deg(np.arctan2(north, east)) - paths.azimuth[rows]
-    aside = ((aside + 180) % 360 - 180) / paths.azimuth_std[rows]
+    rays = paths.rays.take(rows)
+    east, north = guess[:, 0] - rays.rx_east, guess[:, 1] - rays.rx_north
+    slant = np.sqrt(east * east + north * north + rays.climb**2)
+    late = (rays.length - slant) / images.along[rows]
+    aside = angle_difference(np.rad2deg(np.arctan2(north, east)), rays.azimuth) / rays.azimuth_std
     return np.maximum(0, 1 - (late**2 + aside**2) / GATE)
 
 
@@ -114,5 +113,5 @@ def _lines_of_images(paths: Paths, seed: IntArray, partner: IntArray, image: Flo
     frames = starts.frames(pairs.owner)
     depth = np.minimum(frames.depth(paths.tx[pairs.rows]), frames.depth(paths.rx[pairs.rows]))
     front = np.flatnonzero(depth.reshape(-1, 2).min(axis=1) > 0)
-    fitted = fit_lines(paths, pairs.take(front), starts.take(front))
-    return seed_lines(paths.rays(seed)).put(front, fitted)
+    fitted = fit_lines(paths.rays, pairs.take(front), starts.take(front))
+    return seed_lines(paths.take(seed)).put(front, fitted)

@@ -13,7 +13,7 @@ import numpy as np
 from erm.geometry import FloatArray
 from erm.walls.fit import chi_squared, residuals
 from erm.walls.line import Line, bounce_points
-from erm.walls.paths import IntArray, Paths, Rays
+from erm.walls.paths import IntArray, Paths
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Wall:
     @cached_property
     def misfits(self) -> FloatArray:
         """Chi-squared (member,) of each path, the line taken as exact."""
-        return chi_squared(self.paths, residuals(self.paths, self.line.frame()), (0.0, 0.0, 0.0))
+        return chi_squared(self.paths.rays, residuals(self.paths.rays, self.line.frame()), (0.0, 0.0, 0.0))
 
     @property
     def strain(self) -> float:
@@ -64,6 +64,6 @@ class Wall:
         return cosine_of_incidence(self.paths, self.line)
 
 
-def cosine_of_incidence(paths: Rays, line: Line) -> FloatArray:
+def cosine_of_incidence(paths: Paths, line: Line) -> FloatArray:
     """Cosine (path,) of the angle at which paths meet a wall, in three dimensions."""
     return np.clip((line.depth(paths.tx) + line.depth(paths.rx)) / paths.length, 0, 1)
