@@ -61,7 +61,7 @@ def _groups_of(paths: Paths, image: IntArray) -> list[Group]:
     if not len(members):
         return []
     best = members.rows[members.start[:-1]]  # the path that knows its face best
-    lines = fit_lines(paths, members, seed_lines(paths.take(best)))
+    lines = fit_lines(paths.rays, members, seed_lines(paths.take(best)))
     return [Group(lines.one(number), np.sort(own)) for number, own in enumerate(members)]
 
 
