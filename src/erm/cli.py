@@ -53,6 +53,7 @@ def reconstruct(
         Path | None, typer.Option(help="Map (.h5) to whose MPCs these are added, with less work than from anew.")
     ] = None,
     ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
+    rx_std: Annotated[float, typer.Option(min=0.0, help="Standard error of the receivers' coordinates [m].")] = 0.0,
 ) -> None:
     """Reconstruct the walls that reflected the components."""
     inputs = {path for path in (*mpcs, add_to) if path is not None}
@@ -71,10 +72,12 @@ def reconstruct(
     if complaints and not table.sizes["mpc"]:
         console.complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
     table, start = added(*read_members(add_to), table) if add_to else (table, None)
-    selected = select(table, threshold=threshold.value, max_reflection_loss=max_loss, ground_height=ground)
+    selected = select(
+        table, threshold=threshold.value, max_reflection_loss=max_loss, ground_height=ground, rx_std=rx_std
+    )
     environment, merged = merge_walls(selected, min_support=min_support, start=start)
     options = {"threshold": threshold.value, "max_reflection_loss": max_loss, "ground_height": ground}
-    options["min_support"] = min_support
+    options |= {"min_support": min_support, "rx_std": rx_std}
     there = sorted(path for path in inputs if path.is_file())
     origin = provenance("Reconstructed environment", "erm reconstruct", inputs=there, options=options)
     environment.reflectors.attrs.update(origin)

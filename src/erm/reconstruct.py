@@ -113,7 +113,8 @@ def _with_later(
     both = paths_of(xr.concat([table, longer], dim="mpc"), np.r_[paths.row, table.sizes["mpc"] + np.arange(len(row))])
     both = replace(both, row=np.r_[paths.row, row])
     both, grown = joined(paths, groups, both, np.arange(count), min_support)
-    groups = with_later(both, groups, grown, count, min_support)
+    period = np.r_[np.zeros(count), longer["wrap_period"].values * c]
+    groups = with_later(both, groups, grown, period, min_support)
     members = np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])
     used = np.unique(members[members >= count])
     kept = np.r_[np.arange(count), used]
@@ -126,6 +127,8 @@ def _unwrapped(table: "xr.Dataset", longer: "xr.Dataset", walls: list[Wall], cou
     import xarray as xr
 
     source = np.arange(table.sizes["mpc"])
+    if not longer.sizes["mpc"]:
+        return table.assign(periods=("mpc", np.zeros_like(source)))
     for wall in walls:
         wrapped = wall.members >= count
         source[wall.paths.row[wrapped]] = table.sizes["mpc"] + wall.members[wrapped] - count

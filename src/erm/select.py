@@ -41,6 +41,7 @@ def select(
     ground_height: float = 0.0,
     delay_std: float | None = None,
     azimuth_std: float | None = None,
+    rx_std: float = 0.0,
 ) -> "xr.Dataset":
     """Choose the components that may be single bounces off vertical faces, and locate these.
 
@@ -65,6 +66,11 @@ def select(
     delay_std, azimuth_std : float
         Standard errors where the table gives none [s], [degree]. Default: those that the direct paths show
         (`erm.noise`).
+    rx_std : float
+        Standard error of each coordinate of the receivers [m], to which those of delays and azimuths are widened: a
+        receiver that stands ``e`` off sees a path longer by ``u.e``, ``u`` the direction away from its arrival, and
+        turned by ``e`` across it over the horizontal length. A wall has one path a receiver, so that its paths' errors
+        are independent; that those of several walls at one receiver are not is not used.
 
     Returns
     -------
@@ -80,7 +86,9 @@ def select(
     """
     if threshold not in get_args(Threshold):
         raise DataError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
-    table = _with_errors(table, delay_std, azimuth_std)
+    if not rx_std >= 0:
+        raise DataError(f"rx_std {rx_std} m; expected 0 or more")
+    table = _widened(_with_errors(table, delay_std, azimuth_std), rx_std)
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
     loss, loss_std = reflection_loss(table), table["path_gain_std"].values
@@ -245,6 +253,15 @@ def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: floa
 
 def _filled(values: FloatArray, value: float) -> FloatArray:
     return np.where(np.isnan(values), value, values)
+
+
+def _widened(table: "xr.Dataset", rx_std: float) -> "xr.Dataset":
+    """The table with the standard errors that uncertain places of the receivers make of those it has."""
+    climb = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
+    level = np.sqrt(np.maximum(path_length(table) ** 2 - climb**2, rx_std**2))  # under a mast there is no azimuth
+    turned = np.rad2deg(np.divide(rx_std, level, out=np.zeros_like(level), where=level > 0))
+    wider = {"delay_std": rx_std / c, "azimuth_std": turned}
+    return table.assign({name: ("mpc", np.hypot(table[name].values, more)) for name, more in wider.items()})
 
 
 def _at_bearing_of_transmitter(table: "xr.Dataset") -> BoolArray:

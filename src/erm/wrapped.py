@@ -4,15 +4,18 @@ A sounder that repeats its sequence knows delays modulo the period only. A path 
 stands in the table at a wrong delay; whether it does, only geometry can tell.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from erm.elevation import gain_given, of_vertical_faces
+from erm.geometry import FloatArray
 from erm.select import GAIN_EXCESS, fits_vertical_face, reflection_loss, with_faces
 from erm.walls.chance import odds_against_chance
 from erm.walls.decide import LEAST_ODDS
-from erm.walls.fit import fit_line
+from erm.walls.fit import fit_line, misfit
+from erm.walls.line import Line, seed_line
 from erm.walls.paths import BoolArray, IntArray, Paths
 from erm.walls.turns import Group
 from erm.walls.wall import Wall
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FEWEST = 3  # links; two agree on some wall whatever their delays
+TELLING = 13.8  # chi-squared by which another number of periods must fit worse; odds of a thousand
 MOST = 2  # periods; what is longer is weaker than any sounder hears
 
 
@@ -56,19 +60,25 @@ def later(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", IntArray]
     return longer.isel(mpc=kept), row[kept]
 
 
-def with_later(paths: Paths, groups: list[Group], grown: list[Group], count: int, min_support: int) -> list[Group]:
+def with_later(
+    paths: Paths, groups: list[Group], grown: list[Group], period: FloatArray, min_support: int
+) -> list[Group]:
     """Groups with the later paths that agree with them, and new ones that these make.
 
     Parameters
     ----------
     paths : Paths
-        Those as they were measured, and from ``count`` on the later ones.
+        Those as they were measured, and after them the later ones.
     groups : list of Group
         Of the former; they lose none of these.
     grown : list of Group
         Of all paths, searched from ``groups``. New ones of fewer than ``min_support`` paths as they were measured must
-        have clearly more paths than chance brings together.
+        have clearly more paths than chance brings together, and fit clearly worse a period earlier or later: receivers
+        on a line with the image agree on it whatever the number of periods.
+    period : array (path,)
+        Of the later ones [m], 0 for the others.
     """
+    count = np.count_nonzero(period == 0)
     owner = np.full(count, -1)
     for number, group in enumerate(groups):
         owner[group.members] = number
@@ -83,7 +93,7 @@ def with_later(paths: Paths, groups: list[Group], grown: list[Group], count: int
             before = gained[np.argmax(of)]
             other_links = ~np.isin(paths.link[hypotheses], paths.link[before])
             gained[np.argmax(of)] = np.r_[before, hypotheses[other_links]]
-        elif len(group.members) >= FEWEST:
+        elif len(group.members) >= FEWEST and _told(paths.take(group.members), group.line, period[group.members]):
             fresh.append(group)
     asked = [bool(np.count_nonzero(group.members < count) < min_support) for group in fresh]
     odds = odds_against_chance([Wall(paths, group.line, group.members) for group in fresh], asked)
@@ -92,3 +102,21 @@ def with_later(paths: Paths, groups: list[Group], grown: list[Group], count: int
         for group, members in zip(groups, gained, strict=True)
     ]
     return known + [group for group, own in zip(fresh, odds, strict=True) if own >= LEAST_ODDS]
+
+
+def _told(paths: Paths, line: Line, period: FloatArray) -> bool:
+    """Whether paths tell by how many periods (path,) [m] those that have any are late."""
+    best = paths.take(np.array([np.argmin(np.where(period > 0, paths.azimuth_std, np.inf))]))
+    limit = _strain(paths, line) + TELLING
+    for step in (-period, period):
+        start = replace(best, length=best.length + np.sign(step.sum()) * period.max())
+        if np.isfinite(start.anchors()).all():
+            other = replace(paths, length=paths.length + step)
+            if _strain(other, fit_line(other, seed_line(start))) < limit:
+                return False
+    return True
+
+
+def _strain(paths: Paths, line: Line) -> float:
+    """Chi-squared of paths against a line that is taken as exact; infinite if one cannot be off it."""
+    return float(np.sum(misfit(paths, line._replace(covariance=np.zeros((2, 2))))))

@@ -83,6 +83,20 @@ def test_two_positions_are_no_evidence_of_a_wrapped_wall():
     assert environment.reflectors.sizes["reflector"] < 2
 
 
+def test_receivers_on_a_line_with_an_image_cannot_tell_how_far_it_is():
+    # too weak for a wall as they are, and strong enough two periods later
+    east = np.linspace(10.0, 45.0, 8)
+    ends = {"tx_position": [0.0, 0.0, 1.5], "rx_position": np.column_stack([east, np.zeros(8), np.full(8, 1.5)])}
+    length = 150.0 - east
+    gain = 20 * np.log10(c / FREQUENCY / (4 * np.pi * length)) - 22.0
+    errors = {"delay_std": 1e-11, "azimuth_std": 0.2, "elevation_std": 0.5, "path_gain_std": 0.3}
+    values = {"delay": length / c, "azimuth": 0.0, "path_gain": gain, "wrap_period": 850e-9, "frequency": FREQUENCY}
+    table = make_table({"position": np.array([f"RX{i}" for i in range(8)])} | ends | values | errors)
+    environment, located = reconstruct(select(table))
+    assert environment.reflectors.sizes["reflector"] == 0
+    assert (located["periods"].values == 0).all()
+
+
 @pytest.mark.parametrize("attributes", [{"period": 8e-7}, {}])
 def test_the_period_is_that_of_the_product(attributes):
     values = {name: ("mpc", np.zeros(3)) for name in ("delay", "azimuth", "elevation", "path_gain")}
