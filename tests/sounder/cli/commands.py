@@ -34,6 +34,8 @@ azimuth = [0, 30, 60, 90, 120, 150, 180, 210, 240, 270, 300, 330]
 elevation = [-15, 15]
 [transmitter]
 power = 10
+[clock]
+step = 1e-12
 """
 SCENE = """
 name = "room"
