@@ -102,6 +102,7 @@ def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
         "max_reflection_loss": 9,
         "min_support": 2,
         "ground_height": -1,
+        "rx_std": 0,
     }
 
 
