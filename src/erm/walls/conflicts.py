@@ -17,7 +17,7 @@ BEYOND = 25.0  # m; how far beyond its reflection points a wall may go on
 FADE = 8.0  # m; over which the belief that it does falls to 1/e
 TALLER = 3.0  # m; a storey: how much above its reflection points a wall may go on
 NOBODY = -1
-BATCH = 16384  # legs held against faces in one go
+BATCH = 4096  # legs held against faces in one go
 
 
 class Conflicts:
@@ -29,27 +29,35 @@ class Conflicts:
         All candidates.
     sight : Legs
         Direct paths known to be free.
+    hopeful : array (candidate,) of bool
+        Those that may ever be believed. Of the others it is only asked what contradicts them for certain.
     """
 
-    def __init__(self, walls: Sequence[Wall], sight: Legs) -> None:
+    def __init__(self, walls: Sequence[Wall], sight: Legs, hopeful: BoolArray) -> None:
         self.support = np.array([wall.support for wall in walls], dtype=np.int64)
-        faces = Faces([footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls])
-        first = len(sight.start)
-        owner = np.r_[np.full(first, NOBODY), np.repeat(np.arange(len(walls)), 2 * self.support)]
-        edge = first + 2 * np.cumsum(self.support) - 2 * self.support
-        place = np.arange(len(owner)) - np.r_[np.zeros(first, dtype=np.int64), np.repeat(edge, 2 * self.support)]
-        half = np.r_[np.full(first, first), np.repeat(self.support, 2 * self.support)]
+        prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
         legs = [sight, *(legs_of(wall) for wall in walls)]
         start, end = (np.vstack(ends) for ends in zip(*legs, strict=True))
+        first = len(sight.start)
+        owner = np.r_[np.full(first, NOBODY), np.repeat(np.arange(len(walls)), 2 * self.support)]
+        all_rows, telling = np.arange(len(owner)), np.flatnonzero(np.r_[hopeful, True][owner])
+        whole = [(number, prints[number]) for number in np.flatnonzero(hopeful).tolist()]
+        pieces = [(number, piece) for number in np.flatnonzero(~hopeful).tolist() for piece in prints[number].pieces()]
         met = []
-        for low in range(0, max(len(owner), 1), BATCH):
-            leg, face, hard, shade = faces.crossings(start[low : low + BATCH], end[low : low + BATCH])
-            leg += low
-            kept = (shade > 0) & (owner[leg] != face)
-            met.append((leg[kept], face[kept], hard[kept], shade[kept]))
-        leg, self.face, self.hard, self.shade = (np.concatenate(column) for column in zip(*met, strict=True))
-        self.owner, self.from_rx = owner[leg], place[leg] >= half[leg]
-        self.member = place[leg] - self.from_rx * half[leg]
+        for faces, beyond, rows in ((whole, BEYOND, all_rows), (pieces, 0.0, telling)):
+            number = np.array([number for number, _ in faces], dtype=np.int32)
+            standing = Faces([print_ for _, print_ in faces], beyond)
+            for low in range(0, len(rows) if faces else 0, BATCH):
+                some = rows[low : low + BATCH]
+                leg, face, hard, shade = standing.crossings(Legs(start[some], end[some]))
+                kept = (shade > 0) & (owner[some[leg]] != number[face])
+                met.append((some[leg[kept]], number[face[kept]], hard[kept], shade[kept]))
+        nothing = (np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0, bool), np.empty(0))
+        leg, self.face, self.hard, self.shade = (np.concatenate(column) for column in zip(nothing, *met, strict=True))
+        edge = np.r_[first + 2 * (np.cumsum(self.support) - self.support), 0]  # where each one's legs start
+        half = np.r_[self.support, max(first, 1)][owner[leg]]
+        self.owner, place = owner[leg].astype(np.int32), leg - edge[owner[leg]]
+        self.from_rx, self.member = place >= half, (place % half).astype(np.int32)
         self._by_owner = _slices(self.owner, len(walls))
         self._by_face = _slices(self.face, len(walls))
 
@@ -85,33 +93,35 @@ class Faces:
     Parameters
     ----------
     prints : sequence of Footprint
+    beyond : float
+        How far beyond their outermost pieces they may go on [m].
     """
 
-    def __init__(self, prints: Sequence[Footprint]) -> None:
-        spans = np.array([span(print_, BEYOND) for print_ in prints]).reshape(-1, 2, 2)
+    def __init__(self, prints: Sequence[Footprint], beyond: float) -> None:
+        spans = np.array([span(one, beyond) for one in prints]).reshape(-1, 2, 2)
         self._tree = shapely.STRtree(shapely.linestrings(spans))
-        self._frames = np.stack(Lines.of([print_.line for print_ in prints]).frames())
-        self._pieces = np.array([len(print_.low) for print_ in prints], dtype=np.int64)
-        most = int(self._pieces.max(initial=0))
+        self._frames = np.stack(Lines.of([one.line for one in prints]).frames())
+        self._pieces = np.array([len(one.low) for one in prints], dtype=np.int64)
+        most = int(self._pieces.max(initial=1))
         self._low, self._high, self._top = np.full((3, most, len(prints)), np.nan)
-        for number, (_, low, high, top) in enumerate(prints):
-            self._low[: len(low), number], self._high[: len(low), number], self._top[: len(low), number] = (
-                low,
-                high,
-                top,
-            )
-        self._least = np.nanmin(self._low, axis=0, initial=np.inf) - BEYOND
-        self._most = np.nanmax(self._high, axis=0, initial=-np.inf) + BEYOND
+        for number, (_, *columns) in enumerate(prints):
+            for kept, column in zip((self._low, self._high, self._top), columns, strict=True):
+                kept[: len(column), number] = column
+        self._least = np.nanmin(self._low, axis=0, initial=np.inf) - beyond
+        self._most = np.nanmax(self._high, axis=0, initial=-np.inf) + beyond
 
-    def crossings(self, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
+    def crossings(self, legs: Legs) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
         """Pairs (leg, face) that meet, whether they do for certain, and how likely it is that they would."""
-        leg, face = self._tree.query(as_lines(start, end))
-        frame = Frame(*self._frames[:, face])
-        before, after = frame.depth(start[leg]), frame.depth(end[leg])
+        leg, face = self._tree.query(as_lines(*legs))
+        start, end = (np.ascontiguousarray(end.T) for end in legs)
+        frame = Frame(*(column[face] for column in self._frames))
+        before, after = frame.before(start[0][leg], start[1][leg]), frame.before(end[0][leg], end[1][leg])
         through = np.flatnonzero((np.minimum(before, after) < -CLEARANCE) & (np.maximum(before, after) > CLEARANCE))
         leg, face, before, after = leg[through], face[through], before[through], after[through]
-        met = start[leg] + (before / (before - after))[:, None] * (end[leg] - start[leg])
-        place, height = Frame(*self._frames[:, face]).along(met), met[:, 2]
+        share = before / (before - after)
+        east, north, height = (a[leg] + share * (b[leg] - a[leg]) for a, b in zip(start, end, strict=True))
+        nx, ny, _, px, py = (column[face] for column in self._frames)
+        place = (north - py) * nx - (east - px) * ny
         near = np.flatnonzero((place >= self._least[face]) & (place <= self._most[face]))
         leg, face, place, height = leg[near], face[near], place[near], height[near]
         hard, shade = np.zeros(len(leg), dtype=bool), np.zeros(len(leg))

@@ -77,9 +77,8 @@ class Trial:
         self.mirrors = [mirror_of(wall, max_gap) for wall in walls]
         certain = [w for w in witnesses if np.sqrt(w.line.covariance[1, 1]) < VAGUE and _turn_error(w) < VAGUE]
         self.witnesses = [mirror_of(wall, max_gap) for wall in certain]
-        self.conflicts = Conflicts(walls, sight)
         self.loss = np.array([loss_at_normal_incidence(wall) for wall in walls])
-        support = self.conflicts.support
+        self.support = support = np.array([wall.support for wall in walls], dtype=np.int64)
         self.betrayed_by: list[set[int]] = [set() for _ in walls]
         for one, other, known in orders_of_hidden_walls(walls):
             self.betrayed_by[one].add(known)
@@ -94,8 +93,10 @@ class Trial:
         self.arrival = _arrivals(walls)
         self.weak = [bool(np.mean(wall.paths.loss > CONSISTENT_LOSS) > 0.5) for wall in walls]
         self.against_chance = odds_against_chance(self.walls, self.weak)
-        nothing = np.zeros(len(walls), dtype=bool)
-        alone = [-round(self.plausibility(i, nothing), 6) for i in range(len(walls))]
+        merit = [self.merit(i) for i in range(len(walls))]
+        alone = [-round(value, 6) for value in merit]
+        # what others believed add to the merit is never positive
+        self.conflicts = Conflicts(walls, sight, np.array(merit, dtype=float) >= 0)
         loss = [round(typical_loss(wall), 6) for wall in walls]
         self.order = sorted(range(len(walls)), key=lambda i: (alone[i], loss[i], -support[i]))
         self.rank = np.argsort(np.array(self.order, dtype=np.int64))
@@ -126,24 +127,28 @@ class Trial:
         return CHAIN if self._composed[key] else None
 
     def plausibility(self, wall: int, believed: BoolArray) -> float:
-        """Log odds of a candidate that no single test refutes.
+        """Log odds of a candidate that no single test refutes: its merit, less if believed ones may hide it.
 
-        A chain of bounces loses more than a wall; behind its last wall it points to where that wall, if it goes on
-        a little beyond where it was seen, hides it; it is seen from fewer places and, through the windows that its
+        Behind its last wall a chain of bounces points to where that wall, if it goes on a little beyond where it was
+        seen, hides it.
+        """
+        first, second = self.conflicts.shadow(wall, believed)
+        return self.merit(wall) + PER_TRANSMITTER_SHADOW * first + PER_RECEIVER_SHADOW * second
+
+    def merit(self, wall: int) -> float:
+        """Log odds of a candidate by itself.
+
+        A chain of bounces loses more than a wall; it is seen from fewer places and, through the windows that its
         walls are to one another, over fewer angles; and it arrives after the paths off its walls. The weights are
         those of a logistic regression on random streets and rooms traced to three bounces, rounded.
         """
         excess = max(float(self.loss[wall]) - self.usual_loss, LEAST_EXCESS)
         # of two Gaussians that the error widens the log odds fall to this share
         told = SPREAD**2 / (SPREAD**2 + self.loss_error[wall] ** 2)
-        first, second = self.conflicts.shadow(wall, believed)
-        doublings = float(np.log2(max(self.conflicts.support[wall], 3) / 3))
         return (
             PRIOR
             + PER_DECIBEL * (BETWEEN + told * (excess - BETWEEN))
-            + PER_TRANSMITTER_SHADOW * first
-            + PER_RECEIVER_SHADOW * second
-            + PER_DOUBLING * doublings
+            + PER_DOUBLING * float(np.log2(max(self.support[wall], 3) / 3))
             + PER_DEGREE * min(self.angles[wall], MOST_DEGREES)
             + PER_ARRIVAL * self.arrival[wall]
         )

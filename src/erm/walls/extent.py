@@ -44,6 +44,11 @@ class Footprint(NamedTuple):
     high: FloatArray  # (piece,) m
     top: FloatArray  # (piece,) m
 
+    def pieces(self) -> list["Footprint"]:
+        """Return each piece alone."""
+        one = np.arange(len(self.low))
+        return [Footprint(self.line, *(column[i : i + 1] for column in self[1:])) for i in one.tolist()]
+
     def blocks(self, legs: Legs) -> BoolArray:
         """Legs (leg,) that would have to pass through."""
         through, crossing = _crossings(self.line, legs)
