@@ -33,7 +33,7 @@ def clock_variance(beam: Integers, weight: Real, order: Integers, step: float) -
     Parameters
     ----------
     beam, weight : array (mpc, near)
-        From `sounder.interference.beams_seeing`.
+        Of `sounder.interference.Seen`.
     order : array (direction,)
         From `scan_order`.
     step : float

@@ -1,5 +1,7 @@
 """What arrives together with a path and is not told from it, judged by what the fit left and what is beside it."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,15 +21,26 @@ Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+class Seen(NamedTuple):
+    """How the beams see the paths.
+
+    Attributes
+    ----------
+    power : array (mpc, direction)
+        The pattern's toward each path, relative to boresight; 0 where nothing was recorded.
+    beam : array (mpc, near)
+        The beams that see each path best, at most `component.NEAR`, best first.
+    weight : array (mpc, near)
+        Their powers, of sum 1: their share in what is known of the delay.
+    """
+
+    power: Real
+    beam: Integers
+    weight: Real
+
+
 def widened(
-    wider: Real,
-    found: Real,
-    left: NDArray[np.complex64] | None,
-    noise: Real,
-    seen: tuple[Integers, Real],
-    filter_: Deembedding,
-    looks: tuple[Real, Real],
-    pattern: Pattern,
+    wider: Real, found: Real, left: NDArray[np.complex64] | None, noise: Real, seen: Seen, filter_: Deembedding
 ) -> Real:
     """Variances of delay and of magnitudes, over those that noise and the fit's own residual make.
 
@@ -38,7 +51,7 @@ def widened(
     ----------
     wider : array (mpc, 2)
         ``v``, from :func:`sounder.overlap.widening`.
-    found, left, noise, seen, filter_, looks, pattern
+    found, left, noise, seen, filter_
         As for `unresolved`.
 
     Returns
@@ -46,14 +59,14 @@ def widened(
     array (mpc, 2)
     """
     alone = noise[found[:, component.BEAM].astype(int)]
-    more = unresolved(found, left, noise, seen, filter_, looks, pattern) / alone
+    more = unresolved(found, left, noise, seen, filter_) / alone
     moved = np.ones(len(found)) if left is None else scatter(found, left, noise, seen, filter_)
     residual = np.fmax(1.0, found[:, component.MISFIT])
     return np.stack([wider[:, 0] * np.fmax(1.0, moved) + more, wider[:, 1] + more / residual], axis=1)
 
 
-def beams_seeing(found: Real, noise: Real, looks: tuple[Real, Real], pattern: Pattern) -> tuple[Integers, Real]:
-    """Beams that see each path best, and their share in what is known of it.
+def beams_seeing(found: Real, noise: Real, looks: tuple[Real, Real], pattern: Pattern) -> Seen:
+    """How the beams see the paths found.
 
     Parameters
     ----------
@@ -63,24 +76,15 @@ def beams_seeing(found: Real, noise: Real, looks: tuple[Real, Real], pattern: Pa
     looks : arrays (azimuth,), (elevation,)
         Directions of the scan [degree].
     pattern : Pattern
-
-    Returns
-    -------
-    beam : array (mpc, near)
-        Up to `component.NEAR`, best first.
-    weight : array (mpc, near)
-        The pattern's power toward the path, of sum 1.
     """
     power = 10 ** (gains(found[:, component.AZIMUTH], found[:, component.ELEVATION], *looks, pattern) / 10)
     power[:, ~np.isfinite(noise)] = 0.0
     beam = np.argsort(-power, axis=1)[:, :NEAR]
     weight = np.take_along_axis(power, beam, axis=1)
-    return beam, weight / weight.sum(axis=1, keepdims=True)
+    return Seen(power, beam, weight / weight.sum(axis=1, keepdims=True))
 
 
-def scatter(
-    found: Real, left: NDArray[np.complex64], noise: Real, seen: tuple[Integers, Real], filter_: Deembedding
-) -> Real:
+def scatter(found: Real, left: NDArray[np.complex64], noise: Real, seen: Seen, filter_: Deembedding) -> Real:
     """What the fits left where a shift of the delay would show, over what noise leaves there.
 
     With ``s`` the slope of the matched filter and ``r_b`` what is left of beam ``b``, a shift of the path in this beam
@@ -95,8 +99,7 @@ def scatter(
         The CIRs without the paths found.
     noise : array (beam,)
         Noise power.
-    seen : tuple of array
-        From `beams_seeing`.
+    seen : Seen
     filter_ : Deembedding
 
     Returns
@@ -111,7 +114,7 @@ def scatter(
     at_rest = table[middle + taps * OVER]
     power = np.einsum("i,ij,j->", at_rest, correlation[taps[:, None] - taps], at_rest.conj()).real
     shown = np.empty(len(found))
-    for p, (beam, weight) in enumerate(zip(*seen, strict=True)):
+    for p, (beam, weight) in enumerate(zip(seen.beam, seen.weight, strict=True)):
         delay = found[p, component.DELAY]
         samples = int(np.floor(delay + 0.5)) + taps
         slope = table[np.rint(middle + (samples - delay) * OVER).astype(int)]
@@ -124,10 +127,8 @@ def unresolved(
     found: Real,
     left: NDArray[np.complex64] | None,
     noise: Real,
-    seen: tuple[Integers, Real],
+    seen: Seen,
     filter_: Deembedding,
-    looks: tuple[Real, Real],
-    pattern: Pattern,
 ) -> Real:
     """Power that is to be expected within the pulse of each path besides its own.
 
@@ -144,11 +145,8 @@ def unresolved(
         The CIRs without the paths found; None where none were taken out.
     noise : array (beam,)
         Noise power.
-    seen : tuple of array
-        From `beams_seeing`.
+    seen : Seen
     filter_ : Deembedding
-    looks, pattern
-        As for `beams_seeing`.
 
     Returns
     -------
@@ -162,10 +160,9 @@ def unresolved(
     pulse = np.abs(filter_.matched.pulse) ** 2
     axis = (np.arange(pulse.size) - pulse.size // 2) / OVER
     pulse[np.abs(axis) > LOBE * cell] = 0.0
-    power = 10 ** (gains(found[:, component.AZIMUTH], found[:, component.ELEVATION], *looks, pattern) / 10)
-    power *= found[:, component.AMPLITUDE, None] ** 2
+    power = seen.power * found[:, component.AMPLITUDE, None] ** 2
     density = np.empty((len(found), 2))
-    for p, (beam, weight) in enumerate(zip(*seen, strict=True)):
+    for p, (beam, weight) in enumerate(zip(seen.beam, seen.weight, strict=True)):
         late = (found[:, component.DELAY] - found[p, component.DELAY] + size / 2) % size - size / 2
         others = np.flatnonzero((np.abs(late) < farthest + LOBE * cell) & (np.arange(len(found)) != p))
         theirs = power[others][:, beam] @ weight

@@ -118,8 +118,8 @@ def extract(
     looks = azimuth.astype(float), elevation.astype(float)
     seen = beams_seeing(found, noise, looks, pattern)
     wider = widening(found, snr, looks, pattern, Band.of(filter_), filter_.sample_rate)
-    wider = widened(wider, found, beams if effort[TAKES] else None, noise, seen, filter_, looks, pattern)
-    clock = clock_variance(*seen, scan_order(time, azimuth.size, elevation.size), sounder.clock.step)
+    wider = widened(wider, found, beams if effort[TAKES] else None, noise, seen, filter_)
+    clock = clock_variance(seen.beam, seen.weight, scan_order(time, azimuth.size, elevation.size), sounder.clock.step)
     table = tabulate(
         found[located],
         noise,

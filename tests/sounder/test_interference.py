@@ -27,7 +27,7 @@ def rows(*paths):
 def test_beams_are_those_around_the_path_and_of_those_the_recorded(bench, looks):
     noise = np.ones(108)
     noise[4 * 3 + 1] = np.nan  # the beam at 40 degrees, level
-    beam, weight = beams_seeing(rows((100.0, 41.0, 1.0, 1.0)), noise, looks, Pattern.of(bench.sounder.rx_antenna))
+    _, beam, weight = beams_seeing(rows((100.0, 41.0, 1.0, 1.0)), noise, looks, Pattern.of(bench.sounder.rx_antenna))
     assert set(beam[0, :2]) <= {3 * 4, 3 * 4 + 2, 3 * 5 + 1}
     assert weight.sum() == pytest.approx(1.0)
     assert weight[beam == 4 * 3 + 1].sum() == 0.0
@@ -40,7 +40,7 @@ def test_noise_scatters_by_one(bench, looks):
     found = rows(*((rng.uniform(0, 1022), rng.uniform(0, 360), rng.uniform(-8, 8), 1.0) for _ in range(400)))
     noise = np.full(108, 9.0)
     seen = beams_seeing(found, noise, looks, Pattern.of(bench.sounder.rx_antenna))
-    expected = 1 / (1 - (seen[1] ** 2).sum(axis=1) / 2)
+    expected = 1 / (1 - (seen.weight**2).sum(axis=1) / 2)
     # each has some three beams' complex normal numbers: the mean of 400 is good to 0.6 / 20
     assert np.mean(scatter(found, left, noise, seen, bench.filter_) / expected) == pytest.approx(1.0, abs=0.09)
 
@@ -50,12 +50,12 @@ def test_density_is_interpolated_in_decibels_and_one_sided_is_none(bench, looks)
 
     def density(*paths, left=None):
         found = rows((300.0, 40.0, 0.0, 1.0), *paths)
-        return unresolved(found, left, noise, beams_seeing(found, noise, looks, pattern), bench.filter_, looks, pattern)
+        return unresolved(found, left, noise, beams_seeing(found, noise, looks, pattern), bench.filter_)
 
     # of a neighbour 4 samples aside the 5 samples from 2 to 6 hold the main lobe: at -2, -1, 0, 1 and 2 from its peak
     lobe = np.mean(np.abs(bench.filter_.pulse[[-2, -1, 0, 1, 2]]) ** 2)
-    power = np.sum(beams_seeing(rows((0, 40.0, 0.0, 1.0)), noise, looks, pattern)[1] ** 2)
-    power *= 1 / beams_seeing(rows((0, 40.0, 0.0, 1.0)), noise, looks, pattern)[1].max()  # boresight has the gain 1
+    straight = beams_seeing(rows((0, 40.0, 0.0, 1.0)), noise, looks, pattern)
+    power = np.sum(straight.weight * straight.power[0, straight.beam])
     before, after = (296.0, 40.0, 0.0, 0.1), (304.0, 40.0, 0.0, 0.01)
     assert density(before, after)[0] == pytest.approx(0.1 * 0.01 * lobe * power, rel=1e-3)
     assert density(before)[0] == density(after)[0] == density()[0] == 0.0
