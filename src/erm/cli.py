@@ -50,7 +50,8 @@ def reconstruct(
     ] = None,
     min_support: Annotated[int, typer.Option(min=1, help="Antenna pairs that must share a wall.")] = 3,
     add_to: Annotated[
-        Path | None, typer.Option(help="Map (.h5) to whose MPCs these are added, with less work than from anew.")
+        Path | None,
+        typer.Option(help="Map (.h5) to whose MPCs these are added; what agreed before is not searched again."),
     ] = None,
     ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
     rx_std: Annotated[float, typer.Option(min=0.0, help="Standard error of the receivers' coordinates [m].")] = 0.0,

@@ -24,8 +24,8 @@ VALUES = {"delay": "s", "azimuth": "degree", "elevation": "degree", "path_gain":
 COORDINATES = tuple(f"{end}_{axis}" for end in ("tx", "rx") for axis in "xyz")
 COLUMNS = ("position", "los", *COORDINATES, "frequency", *VALUES)
 OPTIONAL = {f"{name}_std": unit for name, unit in VALUES.items()} | {
-    "gain_slope": "degree-1",  # dB that the gain is higher for a degree of elevation more
-    "gain_curvature": "degree-2",  # dB a degree
+    "gain_slope": "dB degree-1",  # what the gain is higher for a degree of elevation more
+    "gain_curvature": "dB degree-2",
     "wrap_period": "s",
 }
 BLANK_ALLOWED = ("los", "elevation", *OPTIONAL)

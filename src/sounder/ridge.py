@@ -51,6 +51,6 @@ def with_ridge(table: xr.Dataset, looks: tuple[Real, Real], pattern: Pattern) ->
     half, whole = gain(outward / 2), gain(outward)
     slope, curvature = (4 * half - whole) / outward, 4 * (whole - 2 * half) / outward**2
     return table.assign(
-        gain_slope=("mpc", slope, {"units": "degree-1", "long_name": "dB that the gain rises a degree of elevation"}),
-        gain_curvature=("mpc", curvature, {"units": "degree-2", "long_name": "dB a degree that this slope rises"}),
+        gain_slope=("mpc", slope, {"units": "dB degree-1", "long_name": "what the gain rises a degree of elevation"}),
+        gain_curvature=("mpc", curvature, {"units": "dB degree-2", "long_name": "what this slope rises a degree"}),
     )
