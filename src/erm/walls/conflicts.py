@@ -124,15 +124,17 @@ class Faces:
         place = (north - py) * nx - (east - px) * ny
         near = np.flatnonzero((place >= self._least[face]) & (place <= self._most[face]))
         leg, face, place, height = leg[near], face[near], place[near], height[near]
-        hard, shade = np.zeros(len(leg), dtype=bool), np.zeros(len(leg))
+        hard, apart = np.zeros(len(leg), dtype=bool), np.full(len(leg), np.inf)
         of = np.arange(len(leg))
         for number, (low, high, top) in enumerate(zip(self._low, self._high, self._top, strict=True)):
             of = of[self._pieces[face[of]] > number]
-            here = face[of]
-            outside = np.maximum(np.maximum(low[here] - place[of], place[of] - high[here]), 0)
-            hard[of] |= (outside == 0) & (height[of] < top[here])
-            may = np.where(height[of] < top[here] + TALLER, np.exp(-outside / FADE), 0.0)
-            shade[of] = np.maximum(shade[of], may)
+            here, there, up = face[of], place[of], height[of]
+            outside = np.maximum(np.maximum(low[here] - there, there - high[here]), 0)
+            above = up - top[here]
+            hard[of] |= (outside == 0) & (above < 0)
+            outside[above >= TALLER] = np.inf
+            apart[of] = np.minimum(apart[of], outside)
+        shade = np.exp(-apart / FADE)
         return leg, face, hard, shade
 
 
