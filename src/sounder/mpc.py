@@ -13,11 +13,12 @@ from sounder.component_table import tabulate
 from sounder.config import Sounder
 from sounder.daps import noise_power
 from sounder.kernels import component
-from sounder.kernels.cancel import cancel
+from sounder.kernels.cancel import PASSES, cancel
 from sounder.kernels.peaks import Limits, search_of
 from sounder.kernels.view import View, beams_of, table_of
 from sounder.matched import OVER, Matched
 from sounder.overlap import widening
+from sounder.pairs import split
 
 Threshold = Literal["usc", "nyu"]
 Method = Literal["sage", "clean", "peaks"]
@@ -104,13 +105,24 @@ def extract(
     found = np.zeros((CAPACITY, component.COLUMNS))
     taken = np.zeros((CAPACITY, len(beams)), np.complex64)
     count, complete = cancel(beams, view, limits, effort, work, search_of(beams, work), found, taken)
-    found = found[:count][np.argsort(-found[:count, component.AMPLITUDE])]
+    found, pair = found[:count], np.full(count, -1)
+    if effort[PASSES] and azimuth.size > 2 and pattern.directive:
+        widths = width_azimuth, width_elevation
+        whole = cir["cir"].values.reshape(beams.shape)
+        found, pair = split(found, taken[:count], whole, noise, _looks(azimuth, elevation), widths, pattern, filter_, limits.threshold)
+    order = np.argsort(-found[:, component.AMPLITUDE])
+    found, pair = found[order], pair[order]
     located = _located(found, pattern, width_azimuth)
     snr = (MARGIN * found[:, component.AMPLITUDE]) ** 2 / noise[found[:, component.BEAM].astype(int)]
-    wider = widening(found, snr, (azimuth, elevation), pattern, Band.of(filter_), filter_.sample_rate)[located]
+    wider = widening(found, snr, (azimuth, elevation), pattern, Band.of(filter_), filter_.sample_rate, pair)[located]
     table = tabulate(found[located], noise, filter_, sounder, distance, wider=wider, fans=elevation.size > 1)
     facts = {"threshold": threshold, "method": method, "complete": int(complete)}
     return table.assign_attrs(facts, paths_outside_fan=int((~located).sum()))
+
+
+def _looks(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Azimuth and elevation (beam, 2) of all beams, azimuth-major [degree]."""
+    return np.stack([grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")], axis=-1).astype(float)
 
 
 def _view(
@@ -122,7 +134,7 @@ def _view(
     width_azimuth: float,
     width_elevation: float,
 ) -> View:
-    looks = np.stack([grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")], axis=-1).astype(float)
+    looks = _looks(azimuth, elevation)
     step_azimuth = float(np.diff(azimuth).max()) if azimuth.size > 1 else 0.0
     around = azimuth.size > 1 and azimuth[0] + 360 - azimuth[-1] <= 1.5 * step_azimuth
     return View(
