@@ -106,10 +106,10 @@ def extract(
     taken = np.zeros((CAPACITY, len(beams)), np.complex64)
     count, complete = cancel(beams, view, limits, effort, work, search_of(beams, work), found, taken)
     found, pair = found[:count], np.full(count, -1)
-    if effort[PASSES] and azimuth.size > 2 and pattern.directive:
+    if effort[PASSES] and azimuth.size > 2 and elevation.size > 1 and pattern.directive:
+        whole, looks = cir["cir"].values.reshape(beams.shape), _looks(azimuth, elevation)
         widths = width_azimuth, width_elevation
-        whole = cir["cir"].values.reshape(beams.shape)
-        found, pair = split(found, taken[:count], whole, noise, _looks(azimuth, elevation), widths, pattern, filter_, limits.threshold)
+        found, pair = split(found, taken, whole, noise, looks, widths, pattern, filter_, limits.threshold)
     order = np.argsort(-found[:, component.AMPLITUDE])
     found, pair = found[order], pair[order]
     located = _located(found, pattern, width_azimuth)

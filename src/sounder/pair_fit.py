@@ -39,9 +39,10 @@ REACH = 1.0
 """How far from the middle sample a path may be [sample]."""
 RANK = 1e-3
 """Share of the most noise under which a combination of samples holds none."""
-FAINT = 0.03
+FAINT = 0.1
 """Share of the most strength under which a combination of samples tells nothing of pulses within reach."""
-UNLIKE = 6.0 / 8.686
+UNLIKE = np.log(2)
+"""How unlike the amplitudes of two paths are expected to be, as the deviation of their logarithms: 6 dB."""
 SETTLED = 1e-3
 """Squared residual, in noise powers, that no step gains any more."""
 AZIMUTH, ELEVATION, LEVEL, DELAY = range(4)
@@ -107,6 +108,31 @@ class Beams:
     data: Complex
 
 
+@dataclass(frozen=True)
+class Sight:
+    """What beams see a path with.
+
+    Attributes
+    ----------
+    samples : Samples
+    pattern : Pattern
+    widths : (float, float)
+        Half-power beamwidths in azimuth and elevation [degree].
+    fan : array (2,)
+        Lowest and highest elevation that a main lobe sees [degree].
+    """
+
+    samples: Samples
+    pattern: Pattern
+    widths: tuple[float, float]
+    fan: Real
+
+    def bounds(self, middle: float, reach: float) -> Real:
+        """Least and most of a path's parameters (2, 4), within beamwidths of an azimuth and in the fan."""
+        aside = reach * self.widths[0]
+        return np.array([[middle - aside, self.fan[0], -60.0, -REACH], [middle + aside, self.fan[1], 60.0, REACH]])
+
+
 def slopes(paths: Real, beams: Beams, pattern: Pattern) -> Real:
     """Amplitude pattern (3, ..., path, beam) toward paths (..., path, 4): itself, by azimuth and by elevation."""
     east = np.array([0, STEP, -STEP, 0, 0])
@@ -120,15 +146,13 @@ def slopes(paths: Real, beams: Beams, pattern: Pattern) -> Real:
     return np.stack([g, g * by_azimuth, g * by_elevation])
 
 
-def linearised(
-    paths: Real, phase: Real, beams: Beams, samples: Samples, pattern: Pattern
-) -> tuple[Real, Complex, Complex, Complex]:
+def linearised(paths: Real, phase: Real, beams: Beams, sight: Sight) -> tuple[Real, Complex, Complex, Complex]:
     """Negative log-likelihood, residuals (..., beam, combination), derivatives (..., parameter, beam, combination).
 
     The derivatives twice: those that make the gradient, and those that make the information.
     """
-    g, by_azimuth, by_elevation = slopes(paths, beams, pattern)
-    pulse, slope = samples.at(paths[..., DELAY])
+    g, by_azimuth, by_elevation = slopes(paths, beams, sight.pattern)
+    pulse, slope = sight.samples.at(paths[..., DELAY])
     turn = np.zeros(paths.shape[:-1])
     if paths.shape[-2] > 1:
         turn[..., 1] = phase
@@ -160,9 +184,7 @@ def linearised(
     return cost, aligned - model, columns, columns * weight
 
 
-def fit(
-    paths: Real, phase: Real, beams: Beams, samples: Samples, pattern: Pattern, bounds: Real, *, steps: int
-) -> tuple[Real, Real, Real]:
+def fit(paths: Real, phase: Real, beams: Beams, sight: Sight, bounds: Real, *, steps: int) -> tuple[Real, Real, Real]:
     """Levenberg-Marquardt from several starts at once.
 
     Parameters
@@ -171,7 +193,7 @@ def fit(
         One path or two.
     phase : array (start,)
         Of the second, kept [radian].
-    beams, samples, pattern
+    beams, sight
     bounds : array (2, 4)
         Least and most of each parameter of a path.
     steps : int
@@ -188,13 +210,13 @@ def fit(
     """
     paths = np.clip(paths, *bounds)
     damping = np.full(len(paths), 1e-2)
-    cost, normal, down = _equations(paths, phase, beams, samples, pattern)
+    cost, normal, down = _equations(paths, phase, beams, sight)
     for _ in range(steps):
         steep = np.einsum("sii->si", normal)
         damped = normal + (damping[:, None] * steep + 1e-9)[:, :, None] * np.eye(steep.shape[1])
         step = np.linalg.solve(damped, down[..., None])[..., 0]
         tried = np.clip(paths + step.reshape(paths.shape), *bounds)
-        cost_there, normal_there, down_there = _equations(tried, phase, beams, samples, pattern)
+        cost_there, normal_there, down_there = _equations(tried, phase, beams, sight)
         better = cost_there < cost
         gained = np.max(np.where(better, cost - cost_there, 0))
         paths[better], cost[better] = tried[better], cost_there[better]
@@ -225,11 +247,9 @@ def _expect(paths: Real, normal: Real, down: Real) -> None:
     down[:, other] += more * apart
 
 
-def _equations(
-    paths: Real, phase: Real, beams: Beams, samples: Samples, pattern: Pattern
-) -> tuple[Real, Real, Real]:
+def _equations(paths: Real, phase: Real, beams: Beams, sight: Sight) -> tuple[Real, Real, Real]:
     """Cost and normal equations."""
-    cost, left, columns, told = linearised(paths, phase, beams, samples, pattern)
+    cost, left, columns, told = linearised(paths, phase, beams, sight)
     down = (_real(columns) @ _real(left[:, None])[:, 0, :, None])[..., 0]
     flat = _real(told)
     normal = flat @ flat.swapaxes(1, 2)
