@@ -19,6 +19,8 @@ FITS = 3.0
 """Deviations of the squared residuals by which two paths may fit worse than noise."""
 LEAST = 0.6
 """Least distance of two paths in beamwidths: two at that make a lobe 12 % wider, more than horns differ by."""
+MARGIN = 2.0
+"""Amplitude over the pattern's prediction that still counts as the same path (6 dB, for horns not as measured)."""
 SPAN, GRID = 2.5, 0.25
 """Directions that fits start from, about that of one path, and their distance, in beamwidths."""
 APART, FURTHEST = 0.5, 3
@@ -130,7 +132,16 @@ def two_fit(one: One, middle: float, seen: Beams, sight: Sight) -> Two | None:
     unsure = np.sqrt(variance[:, ELEVATION])
     outside = (two[:, ELEVATION] - unsure <= sight.fan[0]) | (two[:, ELEVATION] + unsure >= sight.fan[1])
     vague_azimuth = variance[:, AZIMUTH] > (sight.widths[0] / 2) ** 2
-    return None if apart < LEAST or outside.any() or vague_azimuth.any() else Two(two, covariance, misfit)
+    if apart < LEAST or outside.any() or vague_azimuth.any() or _let_in(two, sight):
+        return None
+    return Two(two, covariance, misfit)
+
+
+def _let_in(two: Real, sight: Sight) -> bool:
+    """Tell whether a horn unlike its description may let in one of two paths where the other seems to be."""
+    there, here = two[:, :2], two[::-1, :2]
+    level = sight.pattern.beam_gain(*there.T, *here.T) / 20 * np.log(10)
+    return bool((two[:, LEVEL] + level + np.log(MARGIN) > two[::-1, LEVEL]).any())
 
 
 def _mean(paths: Real, costs: Real, information: Real) -> tuple[Real, Real]:

@@ -30,6 +30,8 @@ TOGETHER = 0.5
 """Delays of MPCs that may be two paths' at one [sample]."""
 ASIDE = 3.0
 """Directions of such, in beamwidths."""
+LOBE, LEFTOVER = 1.5, 0.1
+"""Beams in which other MPCs are known, in beamwidths, and amplitude that is left of them there, relative."""
 MOST = 8
 """Fits of two paths at a position, the strongest MPCs first: where one path seldom fits, neither do two."""
 
@@ -82,11 +84,13 @@ def split(
         aside = _turn(found[group, component.AZIMUTH] - strongest[component.AZIMUTH])
         middle = strongest[component.AZIMUTH] + (aside.min() + aside.max()) / 2
         first = int(np.floor(strongest[component.DELAY] + 0.5))
-        data = _restored(first, recorded, group, found, taken, beams, filter_)
+        late = (found[:, component.DELAY] - first + beams.shape[1] / 2) % beams.shape[1] - beams.shape[1] / 2
+        late[group] = np.inf
+        power = (noise + _remains(late, found, taken, looks, widths[0]))[recorded]
+        data = _restored(first, recorded, late, taken, beams, filter_) @ sight.samples.whitener.T
         around = looks[recorded].copy()
         around[:, 0] = middle + _turn(around[:, 0] - middle)
-        power = noise[recorded]
-        seen = Beams(around, power, data @ sight.samples.whitener.T / np.sqrt(power)[:, None])
+        seen = Beams(around, power, data / np.sqrt(power)[:, None])
         one = one_misses(_path(strongest, middle, first), middle, seen, sight)
         if one is None:
             continue
@@ -128,27 +132,32 @@ def _groups(found: Real, width: float) -> Iterator[Integers]:
         left = left[~(late & aside)]
 
 
+def _remains(late: Real, found: Real, taken: NDArray[np.complexfloating], looks: Real, width: float) -> Real:
+    """Power (beam,) that MPCs at about the delay may have left in each beam: little of what a main lobe lets in."""
+    others = np.flatnonzero(np.abs(late) < SAMPLES)
+    aside = np.abs(_turn(looks[:, 0] - found[others, component.AZIMUTH, None]))
+    share = np.where(aside < LOBE * width, LEFTOVER, 1.0)
+    power: Real = np.sum((share * np.abs(taken[others])) ** 2, axis=0)
+    return power
+
+
 def _restored(
     first: int,
     which: Integers,
-    group: Integers,
-    found: Real,
+    late: Real,
     taken: NDArray[np.complexfloating],
     beams: NDArray[np.complexfloating],
     filter_: Deembedding,
 ) -> NDArray[np.complex128]:
-    """Samples (beam, sample) about a delay, less all MPCs that are not of the group."""
+    """Samples (beam, sample) about a delay, less the MPCs that arrive so much later; infinite for those to stay."""
     pulse = filter_.matched.pulse
-    period = beams.shape[1]
-    samples = np.arange(first - SAMPLES, first + SAMPLES + 1)
-    data = beams[np.ix_(which, samples % period)].astype(complex)
-    late = (found[:, component.DELAY] - first + period / 2) % period - period / 2
-    others = np.abs(late) < pulse.size / OVER / 2 + SAMPLES
-    others[group] = False
-    place = np.rint((samples - first - late[others, None]) * OVER).astype(int) + pulse.size // 2
+    samples = np.arange(-SAMPLES, SAMPLES + 1)
+    data = beams[np.ix_(which, (first + samples) % beams.shape[1])].astype(complex)
+    others = np.flatnonzero(np.abs(late) < pulse.size / OVER / 2 + SAMPLES)
+    place = np.rint((samples - late[others, None]) * OVER).astype(int) + pulse.size // 2
     inside = (place >= 0) & (place < pulse.size)
     shapes = np.where(inside, pulse[np.where(inside, place, 0)], 0)
-    data -= taken[np.ix_(np.flatnonzero(others), which)].T @ shapes
+    data -= taken[np.ix_(others, which)].T @ shapes
     return data
 
 
@@ -171,7 +180,8 @@ def _rows(
             return None
         own = two.covariance[4 * p : 4 * p + 4, 4 * p : 4 * p + 4]
         row[component.DELAY] = first + path[DELAY]
-        row[component.AZIMUTH], row[component.ELEVATION], row[component.AMPLITUDE] = *path[:2], amplitude
+        row[component.AZIMUTH], row[component.ELEVATION] = path[AZIMUTH], path[ELEVATION]
+        row[component.AMPLITUDE] = amplitude
         row[component.VAR_AZIMUTH], row[component.VAR_ELEVATION] = own[AZIMUTH, AZIMUTH], own[ELEVATION, ELEVATION]
         row[component.VAR_AMPLITUDE] = own[LEVEL, LEVEL] * amplitude**2
         row[component.AZIMUTH_ELEVATION] = own[AZIMUTH, ELEVATION]
