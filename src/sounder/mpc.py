@@ -52,6 +52,7 @@ def extract(
     around it, by the matched filter of the calibrated pulse; its angles and amplitude by fitting the antenna's
     pattern to these magnitudes. Then the path is taken out of every beam, sidelobes in delay and angle with it, and
     the search starts again, until nothing exceeds the threshold. Paths that share samples are fitted again in turn.
+    Where one path does not explain the beams at its delay, but two do, there are two (:mod:`sounder.pairs`).
     For the errors see :func:`sounder.component_table.tabulate`; those of one path alone are up to 1.14 times the
     Cramer-Rao bound.
 
