@@ -15,11 +15,12 @@ from sounder.config import Sounder
 from sounder.daps import noise_power
 from sounder.interference import beams_seeing, widened
 from sounder.kernels import component
-from sounder.kernels.cancel import TAKES, cancel
+from sounder.kernels.cancel import PASSES, TAKES, cancel
 from sounder.kernels.peaks import Limits, search_of
 from sounder.kernels.view import View, beams_of, table_of
 from sounder.matched import OVER, Matched
 from sounder.overlap import widening
+from sounder.pairs import split
 from sounder.ridge import with_ridge
 
 Threshold = Literal["usc", "nyu"]
@@ -55,6 +56,7 @@ def extract(
     around it, by the matched filter of the calibrated pulse; its angles and amplitude by fitting the antenna's
     pattern to these magnitudes. Then the path is taken out of every beam, sidelobes in delay and angle with it, and
     the search starts again, until nothing exceeds the threshold. Paths that share samples are fitted again in turn.
+    Where one path does not explain the beams at its delay, but two do, there are two (:mod:`sounder.pairs`).
     For the errors see :func:`sounder.component_table.tabulate`; those of one path alone are up to 1.14 times the
     Cramer-Rao bound.
 
@@ -94,14 +96,13 @@ def extract(
     noise = noise_power(np.abs(beams) ** 2).astype(float)
     matched = filter_.matched
     pattern = Pattern.of(sounder.rx_antenna)
-    width_azimuth = sounder.rx_antenna.hpbw_azimuth or 360.0
-    width_elevation = sounder.rx_antenna.hpbw_elevation or 180.0
+    widths = sounder.rx_antenna.hpbw_azimuth or 360.0, sounder.rx_antenna.hpbw_elevation or 180.0
     effort = np.array(EFFORT[method])
-    view = _view(azimuth, elevation, noise, pattern, matched, width_azimuth, width_elevation)
+    view = _view(azimuth, elevation, noise, pattern, matched, *widths)
     bandwidth = np.ptp(np.fft.fftfreq(filter_.weight.size, 1 / filter_.sample_rate)[filter_.weight > 0])
     limits = Limits(
         threshold=_thresholds(beams, noise, threshold),
-        resolution=np.array([filter_.sample_rate / bandwidth, width_azimuth / 2, width_elevation]),
+        resolution=np.array([filter_.sample_rate / bandwidth, widths[0] / 2, widths[1]]),
         leftover=_leftover(pattern, takes=bool(effort[TAKES])),
         artefact=np.array(
             [[copy.delay * filter_.sample_rate, 10 ** (copy.level / 20)] for copy in sounder.processing.artefact]
@@ -112,28 +113,49 @@ def extract(
     found = np.zeros((CAPACITY, component.COLUMNS))
     taken = np.zeros((CAPACITY, len(beams)), np.complex64)
     count, complete = cancel(beams, view, limits, effort, work, search_of(beams, work), found, taken)
-    found = found[:count][np.argsort(-found[:count, component.AMPLITUDE])]
-    located = _located(found, pattern, width_azimuth)
-    snr = (MARGIN * found[:, component.AMPLITUDE]) ** 2 / noise[found[:, component.BEAM].astype(int)]
-    looks = azimuth.astype(float), elevation.astype(float)
-    seen = beams_seeing(found, noise, looks, pattern)
-    wider = widening(found, snr, looks, pattern, Band.of(filter_), filter_.sample_rate)
-    wider = widened(wider, found, beams if effort[TAKES] else None, noise, seen, filter_)
-    clock = clock_variance(seen.beam, seen.weight, scan_order(time, azimuth.size, elevation.size), sounder.clock.step)
-    table = tabulate(
-        found[located],
-        noise,
-        filter_,
-        sounder,
-        distance,
-        wider=wider[located],
-        clock=clock[located],
-        fans=elevation.size > 1,
-    )
-    table = with_ridge(table, looks, pattern)
+    found, pair = found[:count], np.full(count, -1)
+    if effort[PASSES] and azimuth.size > 2 and elevation.size > 1 and pattern.directive:
+        whole, looks = cir["cir"].values.reshape(beams.shape), _looks(azimuth, elevation)
+        found, pair = split(found, taken, whole, noise, looks, widths, pattern, filter_, limits.threshold)
+    order = np.argsort(-found[:, component.AMPLITUDE])
+    found, pair = found[order], pair[order]
+    located = _located(found, pattern, widths[0])
+    axes = azimuth.astype(float), elevation.astype(float)
+    wider, clock = _besides_noise(found, pair, beams if effort[TAKES] else None, noise, axes, filter_, sounder, time)
+    fans = elevation.size > 1
+    found, wider, clock = found[located], wider[located], clock[located]
+    table = tabulate(found, noise, filter_, sounder, distance, wider=wider, clock=clock, fans=fans)
+    table = with_ridge(table, axes, pattern)
     period = filter_.weight.size / filter_.sample_rate
     facts = {"threshold": threshold, "method": method, "complete": int(complete), "period": period}
     return table.assign_attrs(facts, paths_outside_fan=int((~located).sum()))
+
+
+def _besides_noise(
+    found: NDArray[np.float64],
+    pair: NDArray[np.int64],
+    left: NDArray[np.complex64] | None,
+    noise: NDArray[np.float64],
+    axes: tuple[NDArray[np.float64], NDArray[np.float64]],
+    filter_: Deembedding,
+    sounder: Sounder,
+    time: NDArray[np.float64] | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What other paths and the clock add: `sounder.interference.widened`, `sounder.clock.clock_variance`."""
+    pattern = Pattern.of(sounder.rx_antenna)
+    snr = (MARGIN * found[:, component.AMPLITUDE]) ** 2 / noise[found[:, component.BEAM].astype(int)]
+    seen = beams_seeing(found, noise, axes, pattern)
+    wider = widening(found, snr, axes, pattern, Band.of(filter_), filter_.sample_rate, pair)
+    turns = scan_order(time, axes[0].size, axes[1].size)
+    return (
+        widened(wider, found, left, noise, seen, filter_),
+        clock_variance(seen.beam, seen.weight, turns, sounder.clock.step),
+    )
+
+
+def _looks(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Azimuth and elevation (beam, 2) of all beams, azimuth-major [degree]."""
+    return np.stack([grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")], axis=-1).astype(float)
 
 
 def _view(
@@ -145,7 +167,7 @@ def _view(
     width_azimuth: float,
     width_elevation: float,
 ) -> View:
-    looks = np.stack([grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")], axis=-1).astype(float)
+    looks = _looks(azimuth, elevation)
     step_azimuth = float(np.diff(azimuth).max()) if azimuth.size > 1 else 0.0
     around = azimuth.size > 1 and azimuth[0] + 360 - azimuth[-1] <= 1.5 * step_azimuth
     return View(

@@ -14,7 +14,15 @@ REACH = 6.0
 Real = NDArray[np.float64]
 
 
-def widening(found: Real, snr: Real, looks: tuple[Real, Real], pattern: Pattern, band: Band, rate: float) -> Real:
+def widening(
+    found: Real,
+    snr: Real,
+    looks: tuple[Real, Real],
+    pattern: Pattern,
+    band: Band,
+    rate: float,
+    pair: NDArray[np.int64] | None = None,
+) -> Real:
     """Variances of delay and of magnitudes, over those of the path alone.
 
     In direction ``b`` a path has the spectrum ``a p``, of unit energy ``p``, and a neighbour ``q`` of unknown phase is
@@ -36,6 +44,8 @@ def widening(found: Real, snr: Real, looks: tuple[Real, Real], pattern: Pattern,
     band : Band
     rate : float
         Samples a second, the unit of the delays found [Hz].
+    pair : array (mpc,), optional
+        Number of the pair that was fitted together, -1 for others: their errors hold each other already.
 
     Returns
     -------
@@ -50,6 +60,8 @@ def widening(found: Real, snr: Real, looks: tuple[Real, Real], pattern: Pattern,
     delay, size = found[:, component.DELAY], band.frequency.size
     late = (delay[None, :] - delay[:, None] + size / 2) % size - size / 2
     close = np.abs(late) < REACH
+    if pair is not None:
+        close &= (pair[:, None] != pair[None, :]) | (pair < 0) | np.eye(len(found), dtype=bool)
     if close.sum() == len(found):
         return wider
     power = 10 ** (gains(found[:, component.AZIMUTH], found[:, component.ELEVATION], *looks, pattern) / 10)

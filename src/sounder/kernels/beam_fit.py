@@ -16,6 +16,9 @@ GAIN = 1e-6
 """Share of the cost under which what a step would gain, a thousandth of a deviation, is not worth it."""
 EXACT = 1e-14
 """Cost, relative to the power, that is rounding alone."""
+CHANCE = 2.0
+"""Deviations by which residuals must exceed the noise's before they are believed: the larger of two estimates of one
+variance is too large on average."""
 COST, SUM_G2, NORMAL_AA, NORMAL_AE, NORMAL_EE, DOWN_A, DOWN_E, MEAN_A, MEAN_E, POWER = range(10)
 """Places of `_model`'s sums."""
 AZIMUTH, ELEVATION, AMPLITUDE = range(3)
@@ -97,7 +100,7 @@ def fit_angles(
         count += 1
     left = count - 1.0 - free[0] - free[1]
     variance = noise
-    if left > 0.0 and cost / left > noise:
+    if left > 0.0 and cost - left * noise > CHANCE * math.sqrt(2.0 * left) * noise:
         variance = cost / left
     fit[MISFIT] = cost / (left * noise) if left > 0.0 and noise > 0.0 else math.nan
     fit[AZIMUTH], fit[ELEVATION], fit[AMPLITUDE] = azimuth, elevation, amplitude

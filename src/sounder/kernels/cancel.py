@@ -109,11 +109,11 @@ def cancel(
         for i in range(count):
             found[i, ANEW] = turn == 0
             fit_again(beams, view, limits.margin, work, found[i], taken, i)
-    return _keep(found, count, view, limits, work, period), complete
+    return _keep(found, taken, count, view, limits, work, period), complete
 
 
 @part
-def _keep(found: Real, count: int, view: View, limits: Limits, work: Work, period: float) -> int:
+def _keep(found: Real, taken: Beams, count: int, view: View, limits: Limits, work: Work, period: float) -> int:
     """Move the paths that still exceed the threshold to the front; fitted again, some turn out to be others' parts."""
     kept = 0
     for i in range(count):
@@ -122,6 +122,8 @@ def _keep(found: Real, count: int, view: View, limits: Limits, work: Work, perio
         if above and not _is_copy(found, count, i, view, limits, work, period):
             for column in range(found.shape[1]):
                 found[kept, column] = found[i, column]
+            for b in range(taken.shape[1]):
+                taken[kept, b] = taken[i, b]
             kept += 1
     return kept
 
