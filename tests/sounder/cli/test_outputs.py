@@ -41,4 +41,4 @@ def test_a_folder_that_cannot_be_written_is_told(copied, capsys):
     b2b = copied / "back-to-back.h5"
     assert run("process", copied / "RX1.h5", "--calibration", b2b, "--out", copied / "file") == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert "cannot be written" in line
+    assert line.endswith("file: is a file; choose a folder to write into")

@@ -63,6 +63,7 @@ def test_a_product_is_as_its_schema_says(campaign, products):
     for name in (*columns, *(f"{name}_std" for name in columns)):
         assert mpc[name].dims == ("mpc",)
     units = {"delay": "s", "clock": "s", "azimuth": "degree", "elevation": "degree"}
+    units |= {"gain_slope": "dB degree-1", "gain_curvature": "dB degree-2"}
     expected = {"daps": "dB", "noise_floor": "dB", "pdp": "dB", "pas": "dB", "path_gain": "dB", "snr": "dB"}
     for dataset in (root, daps, mpc):
         for name, variable in dataset.variables.items():
