@@ -42,7 +42,7 @@ def evaluate(
         bool,
         typer.Option(
             "--leave-one-out",
-            help="Predict each position of the MPCs from a map made of the others, by the defaults; takes minutes.",
+            help="Predict each position of the MPCs from a map made of the others, by the defaults.",
         ),
     ] = False,
     z_slice: Annotated[

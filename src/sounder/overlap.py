@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.antenna import Pattern
-from sounder.bounds import Band, gains
+from sounder.bounds import Band
+from sounder.interference import Seen
 from sounder.kernels import component
-from sounder.kernels.component import NEAR
 
 REACH = 6.0
 """Samples between two paths from which on neither knows of the other: three chips."""
@@ -17,11 +16,10 @@ Real = NDArray[np.float64]
 def widening(
     found: Real,
     snr: Real,
-    looks: tuple[Real, Real],
-    pattern: Pattern,
+    seen: Seen,
     band: Band,
     rate: float,
-    pair: NDArray[np.int64] | None = None,
+    pair: NDArray[np.int64],
 ) -> Real:
     """Variances of delay and of magnitudes, over those of the path alone.
 
@@ -38,13 +36,12 @@ def widening(
     found : array (mpc, component.COLUMNS)
     snr : array (mpc,)
         Most power of each over that of the noise, toward boresight [1].
-    looks : arrays (azimuth,), (elevation,)
-        Directions of the scan [degree].
-    pattern : Pattern
+    seen : Seen
+        From :func:`sounder.interference.beams_seeing`.
     band : Band
     rate : float
         Samples a second, the unit of the delays found [Hz].
-    pair : array (mpc,), optional
+    pair : array (mpc,)
         Number of the pair that was fitted together, -1 for others: their errors hold each other already.
 
     Returns
@@ -60,11 +57,9 @@ def widening(
     delay, size = found[:, component.DELAY], band.frequency.size
     late = (delay[None, :] - delay[:, None] + size / 2) % size - size / 2
     close = np.abs(late) < REACH
-    if pair is not None:
-        close &= (pair[:, None] != pair[None, :]) | (pair < 0) | np.eye(len(found), dtype=bool)
+    close &= (pair[:, None] != pair[None, :]) | (pair < 0) | np.eye(len(found), dtype=bool)
     if close.sum() == len(found):
         return wider
-    power = 10 ** (gains(found[:, component.AZIMUTH], found[:, component.ELEVATION], *looks, pattern) / 10)
     frequency = 2 * np.pi * band.frequency / rate
     share = np.sqrt(band.density / band.density.sum())
     frequency, share = frequency[share > 0], share[share > 0]
@@ -72,10 +67,9 @@ def widening(
         others = np.flatnonzero(close[p] & (np.arange(len(found)) != p))
         shapes = share * np.exp(-1j * np.outer(np.append(0.0, late[p, others]), frequency))
         slope = -1j * frequency * shapes[0]
-        beams = np.argsort(-power[p])[:NEAR]
-        weight = power[p, beams] / power[p, beams].sum()
+        beams, weight = seen.beam[p], seen.weight[p]
         within = np.zeros((beams.size, others.size + 1))
-        within[:, 1:] = 1 / np.maximum(snr[others] * power[others][:, beams].T * band.density.sum(), 1e-12)
+        within[:, 1:] = 1 / np.maximum(snr[others] * seen.power[others][:, beams].T * band.density.sum(), 1e-12)
         known = np.linalg.inv((shapes.conj() @ shapes.T)[None] + within[:, :, None] * np.eye(others.size + 1))
         along = shapes.conj() @ slope
         full = np.vdot(slope, slope).real

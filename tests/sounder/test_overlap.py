@@ -6,6 +6,7 @@ import pytest
 from sounder.antenna import Pattern
 from sounder.antenna_tables import Antenna
 from sounder.bounds import Band
+from sounder.interference import beams_seeing
 from sounder.kernels import component
 from sounder.overlap import widening
 
@@ -22,8 +23,9 @@ def rows(*paths):
     return found
 
 
-def widened(found, snr):
-    return widening(found, np.full(len(found), snr), LOOKS, HORN, BAND, RATE)
+def widened(found, snr, *, pair=-1):
+    seen = beams_seeing(found, np.ones(LOOKS[0].size * LOOKS[1].size), LOOKS, HORN)
+    return widening(found, np.full(len(found), snr), seen, BAND, RATE, np.full(len(found), pair))
 
 
 def test_alone_a_path_is_known_as_well_as_alone():
@@ -52,3 +54,9 @@ def test_a_neighbour_that_these_beams_do_not_see_takes_nothing():
     weak = widened(rows((100.0, 40.0), (101.0, 220.0)), 10.0)  # 30 dB under 10 dB over the noise
     np.testing.assert_allclose(weak, 1.0, atol=0.02)
     assert (widened(rows((100.0, 40.0), (101.0, 40.0)), 1e-3) < 1.01).all()
+
+
+def test_paths_that_were_fitted_together_hold_each_other_already():
+    found = rows((100.0, 40.0), (100.5, 40.0))
+    assert (widened(found, 1e9)[:, 0] > 2).all()
+    np.testing.assert_array_equal(widened(found, 1e9, pair=3), 1.0)
