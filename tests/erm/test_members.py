@@ -57,6 +57,16 @@ def test_positions_added_to_a_map_give_the_map_of_all(campaign):
     np.testing.assert_array_equal(located["wall"], expected["wall"])
 
 
+def test_walls_that_an_added_position_does_not_see_stay(campaign):
+    before = xr.concat(campaign[:20], dim="mpc")
+    expected, earlier = reconstruct(select(before))
+    direct = campaign[20].isel(mpc=[int(np.argmin(campaign[20]["delay"].values))])
+    table, start = added(before, earlier["image"].values, direct)
+    grown, located = reconstruct(select(table), start=start)
+    np.testing.assert_array_equal(located["wall"].values, np.append(earlier["wall"], -1))
+    np.testing.assert_allclose(grown.reflectors["end_points"], expected.reflectors["end_points"], atol=0.01)
+
+
 def test_a_map_file_remembers_what_it_was_made_from(campaign, tmp_path):
     before = xr.concat(campaign[:8], dim="mpc")
     environment, located = reconstruct(select(before))
