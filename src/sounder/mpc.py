@@ -14,6 +14,7 @@ from sounder.component_table import tabulate
 from sounder.config import Sounder
 from sounder.daps import noise_power
 from sounder.interference import beams_seeing, widened
+from sounder.joint import Scan, refine
 from sounder.kernels import component
 from sounder.kernels.cancel import PASSES, TAKES, cancel
 from sounder.kernels.peaks import Limits, search_of
@@ -56,9 +57,10 @@ def extract(
     around it, by the matched filter of the calibrated pulse; its angles and amplitude by fitting the antenna's
     pattern to these magnitudes. Then the path is taken out of every beam, sidelobes in delay and angle with it, and
     the search starts again, until nothing exceeds the threshold. Paths that share samples are fitted again in turn.
-    Where one path does not explain the beams at its delay, but two do, there are two (:mod:`sounder.pairs`).
-    For the errors see :func:`sounder.component_table.tabulate`; those of one path alone are up to 1.16 times the
-    Cramer-Rao bound.
+    Where one path does not explain the beams at its delay, but two do, there are two (:mod:`sounder.pairs`). Paths
+    whose pulses overlap are fitted once more, together, if one phase of each explains all beams
+    (:mod:`sounder.joint`). For the errors see :func:`sounder.component_table.tabulate`; those of one path alone are up
+    to 1.16 times the Cramer-Rao bound.
 
     Parameters
     ----------
@@ -113,10 +115,12 @@ def extract(
     found = np.zeros((CAPACITY, component.COLUMNS))
     taken = np.zeros((CAPACITY, len(beams)), np.complex64)
     count, complete = cancel(beams, view, limits, effort, work, search_of(beams, work), found, taken)
-    found, pair = found[:count], np.full(count, -1)
+    found, taken, pair = found[:count], taken[:count], np.full(count, -1)
     if effort[PASSES] and azimuth.size > 2 and elevation.size > 1 and pattern.directive:
         whole, looks = cir["cir"].values.reshape(beams.shape), _looks(azimuth, elevation)
-        found, pair = split(found, taken, whole, noise, looks, widths, pattern, filter_, limits.threshold)
+        found, taken, pair = split(found, taken, whole, noise, looks, widths, pattern, filter_, limits.threshold)
+        scan = Scan(whole, noise, looks, widths, pattern, filter_, limits.threshold)
+        found, pair = refine(found, taken, pair, scan)
     order = np.argsort(-found[:, component.AMPLITUDE])
     found, pair = found[order], pair[order]
     located = _located(found, pattern, widths[0])

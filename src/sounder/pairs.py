@@ -46,7 +46,7 @@ def split(
     pattern: Pattern,
     filter_: Deembedding,
     threshold: Real,
-) -> tuple[Real, Integers]:
+) -> tuple[Real, NDArray[np.complexfloating], Integers]:
     """Replace MPCs by two paths at their delay where these fit, and one does not.
 
     Parameters
@@ -70,6 +70,8 @@ def split(
     Returns
     -------
     found : array (mpc, component.COLUMNS)
+    taken : array complex (mpc, beam)
+        Of the first of a pair what was taken for both, of the second nothing.
     pair : array (mpc,)
         Number of the pair, -1 for others.
     """
@@ -78,7 +80,7 @@ def split(
     fan = np.array([up.min() - widths[1] / 2, up.max() + widths[1] / 2]) if up.size else np.zeros(2)
     sight = Sight(Samples.of(filter_.matched, filter_.noise), pattern, widths, fan)
     spread = filter_.matched.delay_variance
-    kept, pair, pairs, tries = np.ones(len(found), bool), np.full(len(found), -1), [], 0
+    kept, pair, pairs, sums, tries = np.ones(len(found), bool), np.full(len(found), -1), [], [], 0
     for group in _groups(found, widths[0]):
         strongest = found[group[0]]
         aside = _turn(found[group, component.AZIMUTH] - strongest[component.AZIMUTH])
@@ -99,13 +101,14 @@ def split(
         if rows is not None:
             kept[group] = False
             pairs.append(rows)
+            sums += [taken[group].sum(axis=0), np.zeros_like(taken[0])]
         tries += 1
         if tries == MOST:
             break
     if pairs:
-        found = np.concatenate([found[kept], *pairs])
+        found, taken = np.concatenate([found[kept], *pairs]), np.concatenate([taken[kept], sums])
         pair = np.concatenate([pair[kept], np.repeat(np.arange(len(pairs)), 2)])
-    return found, pair
+    return found, taken, pair
 
 
 def _path(row: Real, middle: float, first: int) -> Real:
