@@ -174,10 +174,9 @@ def process(
     ] = None,
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
-    from sounder.startup import collect_seldom, spare_imports
+    from sounder.startup import start_processing
 
-    collect_seldom()
-    spare_imports()
+    start_processing()
     from sounder.intake import gather
     from sounder.pipeline import process
     from sounder.position import Options
