@@ -6,13 +6,14 @@ kept as it is first written until the entry point they are in is optimised. The 
 that look for what kernels do not use, closures and array expressions among them, are left out.
 """
 
-from typing import Any, ClassVar
+from typing import Any
 
 from numba import _dynfunc, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager, register_pass
-from numba.core.typed_passes import NativeLowering, NopythonTypeInference
+from numba.core.typed_passes import NativeLowering
 
 NEEDLESS = {
     "with_lifting",
@@ -30,6 +31,10 @@ NEEDLESS = {
     "nopython_supported_feature_validation",
     "dump_parfor_diagnostics",
 }
+
+
+find_call_type = types.Function.get_call_type
+_call_types: dict[Any, Any] = {}
 
 
 class SettledFlags(Flags):
@@ -75,7 +80,17 @@ class EntryCompiler(CompilerBase):
 
     def chosen(self, each: tuple[type, str]) -> tuple[type, str]:
         """Choose what does a pass's work."""
-        return (QuickInference, each[1]) if each[0] is NopythonTypeInference else each
+        return each
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile, with a memory for what types calls have."""
+        with global_compiler_lock:
+            before = types.Function.get_call_type
+            types.Function.get_call_type = remember_call_type
+            try:
+                return super().compile_extra(function)
+            finally:
+                types.Function.get_call_type = before
 
 
 class PartCompiler(EntryCompiler):
@@ -83,50 +98,22 @@ class PartCompiler(EntryCompiler):
 
     def chosen(self, each: tuple[type, str]) -> tuple[type, str]:
         """Have no machine code made."""
-        return (PartLowering, each[1]) if each[0] is NativeLowering else super().chosen(each)
+        return (PartLowering, each[1]) if each[0] is NativeLowering else each
 
 
-class Remembering:
-    """Numba's typing context; remembers what operators and built-in functions make of which types.
+def remember_call_type(function: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+    """Type of a call, found once for each types of arguments.
 
-    Numba goes through all their definitions at every place where they are used, a fifth of its work.
+    Numba goes through all definitions of an operator at every place where it is used, a quarter of its work.
     """
-
-    remembered: ClassVar[dict[Any, Any]] = {}
-
-    def __init__(self, context: Any) -> None:
-        self._context = context
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._context, name)
-
-    def resolve_function_type(self, function: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        """Type of a call."""
-        if named or (isinstance(function, types.Type) and not isinstance(function, types.Function)):
-            return self._context.resolve_function_type(function, arguments, named)
-        if arguments and isinstance(arguments[0], types.Array):  # numbers in the source have types of their own
-            arguments = tuple(map(types.unliteral, arguments))
-        call = function, arguments
-        if call not in self.remembered:
-            self.remembered[call] = self._context.resolve_function_type(function, arguments, named)
-        return self.remembered[call]
-
-
-@register_pass(mutates_CFG=True, analysis_only=False)
-class QuickInference(NopythonTypeInference):
-    """Type inference with a memory."""
-
-    _name = "quick_type_inference"
-
-    def run_pass(self, state: Any) -> bool:
-        """Infer the types."""
-        context = state.typingctx
-        state.typingctx = Remembering(context)
-        try:
-            changed: bool = super().run_pass(state)
-        finally:
-            state.typingctx = context
-        return changed
+    if arguments and isinstance(arguments[0], types.Array):  # numbers in the source have types of their own
+        arguments = tuple(map(types.unliteral, arguments))
+    call = function, tuple(arguments)
+    if named:
+        return find_call_type(function, context, arguments, named)
+    if call not in _call_types:
+        _call_types[call] = find_call_type(function, context, arguments, named)
+    return _call_types[call]
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
