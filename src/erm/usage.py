@@ -14,8 +14,8 @@ EXPECTED = {
     "less_than_equal": "at most {le:g}",
     "finite_number": "a finite number",
     "literal_error": "{expected}",
-    "too_short": "at least {min_length} values",
-    "too_long": "at most {max_length} values",
+    "too_short": "at least {min_length}",
+    "too_long": "at most {max_length}",
 }
 """What pydantic wanted, by the type of its error."""
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false", "tuple": "a list"}
@@ -23,7 +23,7 @@ KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool":
 
 
 def wrong(item: Mapping[str, Any]) -> str:
-    """What was found and what was expected instead, of one of pydantic's errors; what is said already in own words as it is.
+    """What was found and what was expected instead, of one of pydantic's errors; what has words of its own keeps them.
 
     Parameters
     ----------
@@ -36,7 +36,8 @@ def wrong(item: Mapping[str, Any]) -> str:
         expected = KINDS.get(kind, "a table" if kind in ("dict", "model") else "")
     if not expected:
         return f": {item['msg'].removeprefix('Value error, ').rstrip('.')}"
-    found = f"has {len(item['input'])} values" if item["type"] in ("too_short", "too_long") else f"is {item['input']!r}"
+    value = item["input"]
+    found = f"has the length {len(value)}" if item["type"] in ("too_short", "too_long") else f"is {value!r}"
     return f" {found}; expected {expected}"
 
 
