@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from erm import elevation, geometry, noise
 from erm.constants import c
-from erm.errors import DataError
+from erm.errors import OptionError
 from erm.geometry import FloatArray, angle_difference
 from erm.mpc_table import path_length
 
@@ -85,9 +85,13 @@ def select(
         one.
     """
     if threshold not in get_args(Threshold):
-        raise DataError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
+        raise OptionError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
     if not rx_std >= 0:
-        raise DataError(f"rx_std {rx_std} m; expected 0 or more")
+        raise OptionError(f"rx_std {rx_std} m; expected 0 or more")
+    if max_reflection_loss is not None and not max_reflection_loss > 0:
+        raise OptionError(f"max_reflection_loss {max_reflection_loss} dB; expected more than 0")
+    if not np.isfinite(ground_height):
+        raise OptionError(f"ground_height {ground_height} m; expected a finite number")
     table = _widened(_with_errors(table, delay_std, azimuth_std), rx_std)
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)

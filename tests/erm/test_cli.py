@@ -58,7 +58,7 @@ def test_positions_are_added_to_a_map_file(tmp_path: Path, mpcs: Path, capsys):
     )
     assert "1 wall and 0 poles from 6 of 6 components" in capsys.readouterr().out
     assert (
-        run("reconstruct", tmp_path / "second.csv", "--add-to", tmp_path / "map.h5", "--out", tmp_path / "map.h5") == 1
+        run("reconstruct", tmp_path / "second.csv", "--add-to", tmp_path / "map.h5", "--out", tmp_path / "map.h5") == 2
     )
     assert "is an input, which would be replaced" in capsys.readouterr().err
 
@@ -145,11 +145,11 @@ def test_an_input_is_never_replaced(tmp_path: Path, mpcs: Path, capsys):
         (("predict", out, *ends, "--out", out), out),
         (("export", out, "--out", out, "--origin", 48, 11), out),
     ):
-        assert run(*arguments) == 1
+        assert run(*arguments) == 2
         assert capsys.readouterr().err == f"{path}: is an input, which would be replaced; choose another output\n"
     assert (mpcs.read_bytes(), out.read_bytes()) == before
-    assert run("predict", out, *ends, "--out", tmp_path / "paths.geojson") == 1
-    assert "suffix '.geojson' is not supported; choose .csv" in capsys.readouterr().err
+    assert run("predict", out, *ends, "--out", tmp_path / "paths.geojson") == 2
+    assert "unknown format '.geojson'; choose .csv" in capsys.readouterr().err
 
 
 def test_no_path_is_said(tmp_path: Path, capsys):
@@ -160,12 +160,43 @@ def test_no_path_is_said(tmp_path: Path, capsys):
 
 def test_a_suffix_that_is_not_known_is_told_before_anything_is_written(tmp_path: Path, mpcs: Path, capsys):
     out = tmp_path / "map.h5"
-    for option, name in (("--rps", "points.xlsx"), ("--figure", "map.docx"), ("--figure", "map")):
-        assert run("reconstruct", mpcs, "--out", out, option, tmp_path / name) == 1
-        assert capsys.readouterr().err.startswith(
-            f"{tmp_path / name}: the suffix {Path(name).suffix!r} is not supported"
-        )
+    for option, name in (("--rps", "points.xlsx"), ("--figure", "map.docx"), ("--figure", "map"), ("--out", "map.xyz")):
+        assert run("reconstruct", mpcs, "--out", out, option, tmp_path / name) == 2
+        assert capsys.readouterr().err.startswith(f"{tmp_path / name}: unknown format {Path(name).suffix!r}; choose .")
     assert not out.exists()
+    assert run("letter", "--out", out) == 2
+    assert "looks like a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        (["reconstruct", "{mpcs}", "--out", "{map}", "--max-loss", "nan"], "nan"),
+        (["reconstruct", "{mpcs}", "--out", "{map}", "--max-loss", "0"], "0.0 dB"),
+        (["reconstruct", "{mpcs}", "--out", "{map}", "--max-loss", "-3"], "-3"),
+        (["reconstruct", "{mpcs}", "--out", "{map}", "--ground", "nan"], "nan"),
+        (["reconstruct", "{mpcs}", "--out", "{map}", "--rx-std", "nan"], "nan"),
+        (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 3], "expected two places"),
+        (["predict", "{map}", "--tx", 1, 2, "nan", "--rx", 1, 2, 3], "nan"),
+        (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 4, "--frequency", "inf"], "inf"),
+        (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 4, "--frequency", "132"], "132"),
+        (["evaluate", "{map}", "--outline", "{outline}", "--z-slice", "nan"], "nan"),
+        (["evaluate", "{map}", "--outline", "{outline}", "--min-visible", "2"], "2"),
+        (["export", "{map}", "--out", "{map}.csv", "--origin", 91, 0], "91"),
+        (["export", "{map}", "--out", "{map}.obj", "--height", "nan"], "nan"),
+        (["export", "{map}", "--out", "{map}.kml"], "'.kml'"),
+    ],
+)
+def test_a_value_that_cannot_be_is_told_in_one_line_and_2(tmp_path: Path, mpcs: Path, capsys, arguments, found):
+    names = {"map": tmp_path / "map.h5", "mpcs": mpcs, "outline": tmp_path / "outline.geojson"}
+    for name in ("map", "outline"):
+        Environment.walls([[[0, 0], [1, 0]]]).write(names[name])
+    before = sorted(tmp_path.iterdir())
+    assert run(*(str(argument).format(**names) for argument in arguments)) == 2
+    error = capsys.readouterr().err
+    assert found in error
+    assert error.count("\n") == 1
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_the_letter_asks_for_an_instrument_where_none_is_installed(tmp_path: Path, capsys, monkeypatch):
@@ -217,17 +248,22 @@ def test_no_components_are_an_empty_map(tmp_path: Path, mpcs: Path):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 3], "TX and RX are both at"),
         (["predict", "{none}", "--tx", 1, 2, 3, "--rx", 4, 2, 3], "no such file"),
         (["evaluate", "{map}", "--outline", "{none}"], "none.h5: "),
         (["evaluate", "{none}", "{mpcs}", "--leave-one-out"], "none.h5: "),
-        (["reconstruct", "{mpcs}", "--out", "{map}.xyz"], "unknown format"),
-        (["reconstruct", "{mpcs}", "--out", "{map}", "--figure", "{map}.xyz"], "not supported"),
+        (["predict", "{folder}", "--tx", 1, 2, 3, "--rx", 4, 2, 3], "is a folder"),
+        (["predict", "{text}", "--tx", 1, 2, 3, "--rx", 4, 2, 3], "unknown format '.txt'; expected a map: .h5"),
+        (["reconstruct", "{empty}", "{mpcs}", "--out", "{map}"], "empty.h5: is empty"),
+        (["reconstruct", "{other}", "{mpcs}", "--out", "{map}"], "other.csv: not an MPC table; expected the header"),
     ],
 )
 def test_an_error_is_one_line(tmp_path: Path, mpcs: Path, capsys, arguments, complaint):
-    names = {"map": tmp_path / "map.h5", "none": tmp_path / "none.h5", "mpcs": mpcs}
+    names = {"map": tmp_path / "map.h5", "none": tmp_path / "none.h5", "mpcs": mpcs, "folder": tmp_path}
+    names |= {"empty": tmp_path / "empty.h5", "other": tmp_path / "other.csv", "text": tmp_path / "map.txt"}
     Environment.walls([[[0, 0], [1, 0]]]).write(names["map"])
+    names["empty"].touch()
+    for name in ("other", "text"):
+        names[name].write_text("wall,1\n")
     assert run(*(str(argument).format(**names) for argument in arguments)) == 1
     error = capsys.readouterr().err
     assert complaint in error
