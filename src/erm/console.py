@@ -30,6 +30,7 @@ def run(app: "typer.Typer") -> None:
 
     usage_error: type[BadParameter] = BadParameter.__mro__[1]  # its parent, which typer does not name
     signal.signal(signal.SIGINT, _interrupt)
+    usual, sys.unraisablehook = sys.unraisablehook, _unraisable
     try:
         code = app(standalone_mode=False)
     except DataError as error:
@@ -38,6 +39,8 @@ def run(app: "typer.Typer") -> None:
     except usage_error as error:
         print(told(error), file=sys.stderr)
         raise SystemExit(WRONG_USAGE) from None
+    finally:
+        sys.unraisablehook = usual
     if code == INTERRUPTED:
         print("interrupted; what was finished is whole, the rest is not there", file=sys.stderr)
     raise SystemExit(code or 0)
@@ -50,6 +53,12 @@ def _interrupt(number: int, frame: object) -> None:
     """Raise KeyboardInterrupt, and note that it was: what is raised within a callback of a library is lost."""
     _interrupted.set()
     signal.default_int_handler(number, None)
+
+
+def _unraisable(lost: "sys.UnraisableHookArgs") -> None:
+    """Say nothing of a Ctrl-C that a callback of the interpreter lost: it is raised again at the next step."""
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
 
 
 def _go_on() -> None:

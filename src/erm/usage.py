@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from typer import BadParameter
 
+LONGEST = 60
+"""Letters of a value that are shown."""
 EXPECTED = {
     "greater_than": "more than {gt:g}",
     "greater_than_equal": "at least {ge:g}",
@@ -37,8 +39,14 @@ def wrong(item: Mapping[str, Any]) -> str:
     if not expected:
         return f": {item['msg'].removeprefix('Value error, ').rstrip('.')}"
     value = item["input"]
-    found = f"has the length {len(value)}" if item["type"] in ("too_short", "too_long") else f"is {value!r}"
+    found = f"has the length {len(value)}" if item["type"] in ("too_short", "too_long") else f"is {shortened(value)}"
     return f" {found}; expected {expected}"
+
+
+def shortened(value: object) -> str:
+    """A value as Python writes it, its end left out where that is long."""
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
 def told(error: "BadParameter") -> str:

@@ -135,8 +135,9 @@ def _other(file: h5py.File) -> Lines | None:
     source = str(file.attrs.get("source", ""))
     if not source.startswith(SOFTWARE.partition(" ")[0]):
         return None
-    axes = ", ".join(f"{len(node)} {name}" for name, node in file.items() if getattr(node, "is_scale", False))
-    return [*((label, str(text)) for label, text in said if text), ("holds", axes), ("software", source)]
+    axes = {name: len(node) for name, node in file.items() if getattr(node, "is_scale", False) and name != "xyz"}
+    holds = ", ".join(counted(length, name) for name, length in axes.items())
+    return [*((label, str(text)) for label, text in said if text), ("holds", holds), ("software", source)]
 
 
 def _product(path: Path) -> Lines:

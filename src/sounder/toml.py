@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 
 from erm.errors import DataError
-from erm.usage import wrong
+from erm.usage import shortened, wrong
 
 
 def read_toml(path: Path | str) -> dict[str, Any]:
@@ -38,28 +38,37 @@ def describe(error: ValidationError, model: type[BaseModel]) -> str:
         What was to be made of the file's tables.
     """
     parts: dict[str, str] = {}
+    listed: set[str] = set()
     for item in error.errors():
         *inside, last = item["loc"] or ("",)
+        where = ".".join(map(str, [*inside, last]))
         if item["type"] == "missing" and isinstance(last, int):  # a tuple that ends too early: one error a place
-            where, message = inside, f" holds {len(item['input'])} of {last + 1} values"
+            where = ".".join(map(str, inside))
+            message = f" holds {len(item['input'])} of {last + 1} values"
+        elif item["type"] == "missing":
+            message = ": missing"
+        elif item["type"] == "extra_forbidden":
+            hint = _hint(str(last), _table(model, inside))
+            message = f": unknown key{'' if hint in listed else hint}"
+            listed.add(hint)
         else:
-            where = [*inside, last]
-            message = {
-                "extra_forbidden": f": unknown key{_hint(str(last), model, inside)}",
-                "missing": ": missing",
-            }.get(item["type"]) or wrong(item)
-        name = ".".join(map(str, where))
-        parts[name] = f"{name}{message}" if name else message.removeprefix(": ")
+            message = wrong(item)
+        parts[where] = f"{where}{message}" if where else message.removeprefix(": ")
     return "; ".join(parts.values())
 
 
-def _hint(key: str, model: type[BaseModel], inside: Sequence[int | str]) -> str:
+def _hint(key: str, model: type[BaseModel]) -> str:
     """What an unknown key may have been meant for, or which keys are known there."""
+    near = get_close_matches(key, model.model_fields, n=1)
+    return f"; did you mean {near[0]}?" if near else f"; known are {', '.join(model.model_fields)}"
+
+
+def _table(model: type[BaseModel], inside: Sequence[int | str]) -> type[BaseModel]:
+    """The table at a place in another."""
     for part in inside:
         if isinstance(part, str) and part in model.model_fields:
             model = next(_models(model.model_fields[part].annotation), model)
-    near = get_close_matches(key, model.model_fields, n=1)
-    return f"; did you mean {near[0]}?" if near else f"; known are {', '.join(model.model_fields)}"
+    return model
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -77,6 +86,6 @@ def Alternatives(expected: str) -> WrapValidator:  # noqa: N802 # annotates fiel
         try:
             return handler(value)
         except ValidationError:
-            raise ValueError(f"found {value!r}; expected {expected}") from None
+            raise ValueError(f"found {shortened(value)}; expected {expected}") from None
 
     return WrapValidator(validate)

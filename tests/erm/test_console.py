@@ -130,6 +130,24 @@ def test_an_interrupt_that_a_library_swallows_is_raised_at_the_next_step(capsys)
     assert "interrupted" in capsys.readouterr().err
 
 
+def test_an_interrupt_that_the_interpreter_loses_is_raised_at_the_next_step(capsys):
+    class Leaving:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    def body() -> None:
+        with console.progress("working", 1) as advance:
+            Leaving()
+            advance()
+
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        assert exit_code(body) == console.INTERRUPTED
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().err == "interrupted; what was finished is whole, the rest is not there\n"
+
+
 def test_a_wrong_option_is_one_line_and_2(capsys):
     def body() -> None:
         raise OptionError("--x is nan; expected a number")

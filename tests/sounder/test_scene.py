@@ -78,6 +78,10 @@ def test_files_are_looked_for_beside_the_scene(tmp_path):
         (NORTH.replace("[40, -5, 2]", "[40, nan, 2]"), r"receivers\.0\.position\.1 is nan"),
         (NORTH.replace("snapshots = 2", "snapshots = 0"), "snapshots is 0; expected at least 1"),
         (NORTH.replace("TX = [0, 0, 10]", "TX = [0]"), r"transmitters\.TX holds 1 of 3 values$"),
+        (
+            "[waveform]\norder = 9\n[scan]\nazimuth = [0]\n[carrier]\n",
+            "waveform: unknown key; known are .*; scan: unknown key; carr",
+        ),
         ("attenuator = -60\n" + NORTH, "attenuator: found -60; expected a loss of at least 0 dB"),
         (NORTH.replace("top = 30", "top = -5"), r"environment\.walls\.0: top is -5 m; expected more than base, 0 m"),
         (NORTH.replace("[[-100, -20], ", "[[-100, -20], [-100, -20], "), "twice in a row"),
