@@ -2,7 +2,6 @@
 
 import math
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +10,7 @@ import typer
 from erm import console
 from erm.errors import DataError
 from erm.outputs import require_folder, spare_inputs
+from sounder.choices import Averaging, Format, Method, Omnidirectional, Threshold
 
 if TYPE_CHECKING:
     from sounder.position import Outcome
@@ -31,44 +31,6 @@ Layout = Annotated[Path | None, typer.Option(help="How a foreign HDF5 or MATLAB 
 Description = Annotated[
     Path | None, typer.Option("--sounder", help="Sounder description (TOML); default: that of the recording.")
 ]
-
-
-class Averaging(StrEnum):
-    """Averaging over the snapshots of a direction."""
-
-    coherent = "coherent"
-    phase_aligned = "phase-aligned"
-    power = "power"
-
-
-class Threshold(StrEnum):
-    """Least power of an MPC."""
-
-    usc = "usc"
-    nyu = "nyu"
-
-
-class Method(StrEnum):
-    """How MPCs that overlap are told apart."""
-
-    sage = "sage"
-    clean = "clean"
-    peaks = "peaks"
-
-
-class Omnidirectional(StrEnum):
-    """Making of the omnidirectional PDP."""
-
-    sum = "sum"
-    maximum = "maximum"
-
-
-class Format(StrEnum):
-    """File format of figures."""
-
-    png = "png"
-    pdf = "pdf"
-    svg = "svg"
 
 
 @app.command()
