@@ -26,7 +26,7 @@ def run(app: "typer.Typer") -> None:
 
     What is wrong is told in one line.
     """
-    from typer import BadParameter
+    from typer import Abort, BadParameter
 
     usage_error: type[BadParameter] = BadParameter.__mro__[1]  # its parent, which typer does not name
     signal.signal(signal.SIGINT, _interrupt)
@@ -39,6 +39,8 @@ def run(app: "typer.Typer") -> None:
     except usage_error as error:
         print(told(error), file=sys.stderr)
         raise SystemExit(WRONG_USAGE) from None
+    except Abort:  # Ctrl-C, of typers that do not return 130 for it
+        code = INTERRUPTED
     finally:
         sys.unraisablehook = usual
     if code == INTERRUPTED:

@@ -175,7 +175,7 @@ def coloured(
     [
         (["--size", "-2"], ["--size", "-2", "0"]),
         (["--size", "nan"], ["--size", "nan", "0"]),
-        (["--size", "large"], ["--size", "'large'", "number"]),
+        (["--size", "large"], ["--size", "'large'"]),
         (["--count", "2.5"], ["--count", "2.5"]),
         (["--colour", "blue"], ["--colour", "'blue'", "'red', 'green'"]),
         (["--place", "3"], ["--place", "requires 2"]),
