@@ -1,13 +1,14 @@
 """Which of the common images are walls: the plausible are believed first, and what contradicts them is not."""
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
 
 from erm.geometry import angle_difference
 from erm.select import CONSISTENT_LOSS
-from erm.walls.chance import odds_against_chance
+from erm.walls.chance import accidental, odds_against_chance
 from erm.walls.conflicts import Conflicts
 from erm.walls.corners import corners_on
 from erm.walls.extent import Legs, Stretch
@@ -171,7 +172,9 @@ def decide(candidates: Sequence[Wall], witnesses: Sequence[Wall], sight: Legs, l
     max_gap : float
         Reflection points on one line further apart are ends of different walls [m].
     """
-    trial = Trial(_without_twins(candidates, max_gap), witnesses, sight, max_gap)
+    by_chance = accidental(candidates)
+    accidents = [(wall, ACCIDENTAL) for wall in compress(candidates, by_chance)]
+    trial = Trial(_without_twins(list(compress(candidates, ~by_chance)), max_gap), witnesses, sight, max_gap)
     walls = trial.walls
     believed = np.zeros(len(walls), dtype=bool)
     for _ in range(ROUNDS):
@@ -183,7 +186,7 @@ def decide(candidates: Sequence[Wall], witnesses: Sequence[Wall], sight: Legs, l
     rejected = [(walls[i], trial.doubt(i, believed) or OBSTRUCTS) for i in np.flatnonzero(~believed).tolist()]
     chosen = sorted(np.flatnonzero(believed).tolist(), key=lambda i: (-walls[i].support, trial.rank[i]))
     kept = [walls[i] for i in chosen]
-    return Verdict(kept, pieces_of(kept, sight, links, max_gap), rejected)
+    return Verdict(kept, pieces_of(kept, sight, links, max_gap), rejected + accidents)
 
 
 def _turn_error(wall: Wall) -> float:

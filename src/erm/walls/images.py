@@ -68,11 +68,12 @@ class Images:
         """Paths whose images lie within radii of points (n, 2), each of one transmitter (n,)."""
         return within(self.tree, np.column_stack([points, transmitter * self.apart]), radius)
 
-    def about(self, lines: Lines) -> tuple[IntArray, IntArray]:
+    def about(self, lines: Lines, gates: float = 1.0) -> tuple[IntArray, IntArray]:
         """Pairs (line, path) in which a path may agree with a line: its image lies near the line's of its transmitter.
 
         Of a path inside the gate, azimuth and length each depart from what the line predicts by no more than
         ``sqrt(GATE)`` standard errors, its own and the line's together, whose image has the covariance ``S C S'``.
+        ``gates`` widens the gate so many times.
         """
         tx, n = self.transmitters[:, :2], unit(lines.normal)
         depth = n @ tx.T - (lines.offset + np.sum(n * lines.pivot, axis=-1))[:, None]
@@ -86,8 +87,8 @@ class Images:
         )
         pairs = []
         for layer in self.layers:
-            radius = MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide))
-            near, path = layer.grid.within(images, front, np.minimum(radius, self.radius))
+            radius = gates * np.minimum(MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide)), self.radius)
+            near, path = layer.grid.within(images, front, radius)
             pairs.append((line[near], layer.rows[path]))
         of, rows = zip(*pairs, strict=True)
         return np.concatenate(of), np.concatenate(rows)
