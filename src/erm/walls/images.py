@@ -17,6 +17,7 @@ REACH = 4.0  # standard errors of azimuth within which an image is looked for
 NEIGHBOURS = 24  # nearest images looked at for partners of a seed
 LAYERS = (0.75, 0.97)  # shares of paths that are looked for in grids of their own, the surest first
 FEW = 1000  # paths that one grid is enough for
+BATCH = 65536  # paths whose neighbours are looked at in one go
 MARGIN = 1.25  # of what a path's own range departs from the line's
 
 
@@ -102,17 +103,20 @@ class Images:
         # neighbours one after another find the same part of the tree in the processor's cache
         order = self.tree.indices
         bound = max(radius, 1e-6)
-        near = np.empty((len(order), count), dtype=np.int64)
+        near = np.empty((len(order), count), dtype=np.int32)
         near[order] = self.tree.query(self.tree.data[order], k=count, distance_upper_bound=bound, workers=-1)[1]
-        first = np.repeat(np.arange(len(order)), count)
-        second = near.ravel()
-        kept = second < len(self.paths)
-        first, second = first[kept], second[kept]
-        kept = self.paths.link[first] != self.paths.link[second]
-        first, second = first[kept], second[kept]
-        apart = self.points[first] - self.points[second]
-        agree = _mahalanobis(apart, self.covariance[first] + self.covariance[second]) < GATE
-        return Ragged.of_pairs(first[agree], second[agree], len(self.paths))
+        sizes, rows = [], []
+        for first in range(0, len(order), BATCH):
+            some = near[first : first + BATCH]
+            path, place = np.nonzero(some < len(self.paths))
+            partner = some[path, place].astype(np.int64)
+            kept = self.paths.link[first + path] != self.paths.link[partner]
+            path, partner = path[kept], partner[kept]
+            apart = self.points[first + path] - self.points[partner]
+            agree = _mahalanobis(apart, self.covariance[first + path] + self.covariance[partner]) < GATE
+            sizes.append(np.bincount(path[agree], minlength=len(some)))
+            rows.append(partner[agree])
+        return Ragged(np.concatenate(rows), np.concatenate([[0], np.cumsum(np.concatenate(sizes))]))
 
 
 def within(tree: cKDTree, places: FloatArray, radius: FloatArray | float) -> Ragged:
