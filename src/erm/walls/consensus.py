@@ -53,7 +53,14 @@ def find_groups(
     order = np.lexsort((paths.length, np.round(paths.loss, 6), -agreeing))
     fewest = fewest_partners(images, agreeing)
     enough &= agreeing >= fewest
-    turns.take(order[enough[order]], lambda seeds, free: _from_seeds(images, seeds, partners, fewest, free), partners)
+    left = images
+
+    def tried(seeds: IntArray, free: BoolArray) -> list[Trial[Group] | None]:
+        nonlocal left
+        left = left.without(free)
+        return _from_seeds(left, seeds, partners, fewest, free)
+
+    turns.take(order[enough[order]], tried, partners)
     return _reassigned(images, turns.found, min_support)
 
 

@@ -1,5 +1,6 @@
 """The images all paths point to, in a tree."""
 
+from copy import copy
 from itertools import chain
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ from scipy.spatial import cKDTree
 from erm.geometry import FloatArray, unit
 from erm.walls.grid import Grid
 from erm.walls.line import Lines
-from erm.walls.paths import IntArray, Paths
+from erm.walls.paths import BoolArray, IntArray, Paths
 from erm.walls.ragged import Ragged
 
 GATE = 13.8  # chi-squared of 2 degrees of freedom that one true path in a thousand exceeds
@@ -57,13 +58,25 @@ class Images:
         self.radius = REACH * float(self.across.max(initial=0.0) + self.along.max(initial=0.0))
         spread = self.across**2 + self.along**2
         edges = np.quantile(spread, LAYERS) if len(paths) > FEW else []
-        layer = np.searchsorted(edges, spread)
-        self.layers = []
-        for number in np.unique(layer):
-            rows = np.flatnonzero(layer == number)
-            most = float(spread[rows].max())
-            grid = Grid(self.points[rows], paths.transmitter[rows], MARGIN * float(np.sqrt(GATE * most)))
-            self.layers.append(Layer(rows, most, grid))
+        self._layer = np.searchsorted(edges, spread)
+        self.layers = self._layers(np.arange(len(paths)))
+
+    def without(self, free: BoolArray) -> "Images":
+        """Return the same images, of which `about` tells the free ones (path,) only; itself while most are."""
+        if 2 * np.count_nonzero(free) > sum(len(layer.rows) for layer in self.layers):
+            return self
+        fewer = copy(self)
+        fewer.layers = self._layers(np.flatnonzero(free))
+        return fewer
+
+    def _layers(self, rows: IntArray) -> list[Layer]:
+        layers = []
+        for number in np.unique(self._layer[rows]):
+            own = rows[self._layer[rows] == number]
+            most = float((self.across[own] ** 2 + self.along[own] ** 2).max())
+            grid = Grid(self.points[own], self.paths.transmitter[own], MARGIN * float(np.sqrt(GATE * most)))
+            layers.append(Layer(own, most, grid))
+        return layers
 
     def around(self, points: FloatArray, transmitter: IntArray, radius: FloatArray | float) -> Ragged:
         """Paths whose images lie within radii of points (n, 2), each of one transmitter (n,)."""
@@ -91,7 +104,8 @@ class Images:
             radius = gates * np.minimum(MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide)), self.radius)
             near, path = layer.grid.within(images, front, radius)
             pairs.append((line[near], layer.rows[path]))
-        of, rows = zip(*pairs, strict=True)
+        nothing = np.empty(0, dtype=np.int64)
+        of, rows = zip((nothing, nothing), *pairs, strict=True)
         return np.concatenate(of), np.concatenate(rows)
 
     def partners(self) -> Ragged:

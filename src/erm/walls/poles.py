@@ -51,9 +51,6 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     paths = paths.take(rows)
     if len(paths) < min_support:
         return []
-    chain = np.full(len(paths), -1)
-    for number, group in enumerate(find_groups(paths, 3)):
-        chain[group.members] = number
     measured = paths.tx, paths.rx, paths.length, paths.azimuth
     points, _ = reflection_point(*measured)
     starts = Points(points, point_covariance(*measured, *errors(paths.rays)))
@@ -66,11 +63,15 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
         lambda seeds, free: _tried(paths, starts.take(seeds), near.take(seeds), free, min_support),
         near,
     )
+    found = [pole for pole in turns.found if len(pole.members) >= PLENTY or _accidents(paths, pole) <= ACCIDENTS]
+    if not found:
+        return []
+    chain = np.full(len(paths), -1)
+    for number, group in enumerate(find_groups(paths, 3)):
+        chain[group.members] = number
     standing = Standing(walls)
     poles: list[Pole] = []
-    for pole in turns.found:
-        if len(pole.members) < PLENTY and _accidents(paths, pole) > ACCIDENTS:
-            continue
+    for pole in found:
         of_chain = np.bincount(chain[pole.members] + 1)[1:].max(initial=0) >= len(pole.members) / 2
         if not of_chain and not standing.touch(pole) and not standing.hide(pole, paths.take(pole.members)):
             poles.append(pole)
