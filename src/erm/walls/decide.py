@@ -23,6 +23,7 @@ from erm.walls.wall import Wall
 TWIN_OFFSET = 0.02  # m; lines nearer than this, or than their errors, are one
 TWIN_ANGLE = 0.2  # degree
 CUTS = 2  # free paths through a wall that refute it; one may be a path taken for what it is not
+ASTRAY = 0.05  # of the support; a wall that many see has more such paths through it
 ROUNDS = 4  # of believing and doubting; two are the rule
 
 # Log odds of a common image to be a wall and not a chain off walls that nobody saw alone; see `plausibility`.
@@ -115,7 +116,7 @@ class Trial:
         others = believed.copy()
         others[wall] = False
         stronger = others & (self.rank < self.rank[wall])
-        if self.conflicts.blocked(wall, stronger) > 0.5 or self.conflicts.cuts(wall, stronger) >= CUTS:
+        if self.conflicts.blocked(wall, stronger) > 0.5 or self._is_cut(wall, stronger):
             return OBSTRUCTS
         if any(stronger[known] for known in self.betrayed_by[wall]):
             return CHAIN
@@ -126,6 +127,9 @@ class Trial:
         if key not in self._composed:
             self._composed[key] = composed_of(self.walls[wall], mirrors)
         return CHAIN if self._composed[key] else None
+
+    def _is_cut(self, wall: int, believed: BoolArray) -> bool:
+        return self.conflicts.cuts(wall, believed) >= max(CUTS, ASTRAY * self.support[wall])
 
     def plausibility(self, wall: int, believed: BoolArray) -> float:
         """Log odds of a candidate that no single test refutes: its merit, less if believed ones may hide it.
