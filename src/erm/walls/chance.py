@@ -70,6 +70,7 @@ def _about(images: Images, walls: Sequence[Wall], some: IntArray) -> IntArray:
     for number, wall in enumerate(walls):
         larger = wall.members[size[wall.members] < wall.support]
         size[larger], owner[larger] = wall.support, number
+    images = images.without(size <= support[some].max())
     counts = []
     for first in range(0, len(some), LINES):
         part = some[first : first + LINES]

@@ -129,7 +129,7 @@ class Trial:
         return CHAIN if self._composed[key] else None
 
     def _is_cut(self, wall: int, believed: BoolArray) -> bool:
-        return self.conflicts.cuts(wall, believed) >= max(CUTS, ASTRAY * self.support[wall])
+        return self.conflicts.cuts(wall, believed) >= max(CUTS, ASTRAY * self.conflicts.support[wall])
 
     def plausibility(self, wall: int, believed: BoolArray) -> float:
         """Log odds of a candidate that no single test refutes: its merit, less if believed ones may hide it.

@@ -14,6 +14,7 @@ SOLID = 5.0  # m; between reflection points closer than this there is no passage
 SILENT = (
     3  # links; of gaps in line that one or two did not see, nine in ten were wall on random scenes, later three in four
 )
+TELLING = 256  # paths of a wall that are asked where they pass; more tell no more
 MOST_MARGIN = 0.5  # m; at grazing incidence the Fresnel zone is long, and half of it is enough to reflect
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from erm.geometry import FloatArray
-from erm.walls.extent import SOLID, Footprint, Legs, Stretch, expected_points, footprint, legs_of, stretches
+from erm.walls.extent import SOLID, TELLING, Footprint, Legs, Stretch, expected_points, footprint, legs_of, stretches
 from erm.walls.wall import Wall
 
 WITNESSES = 32  # links asked about a gap
@@ -39,10 +39,13 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
         return []
     prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
     spans = np.array([span(print_) for print_ in prints])
-    legs = [legs_of(wall) for wall in walls]
+    thinned = [wall.thinned(TELLING) for wall in walls]
+    legs = [legs_of(wall) for wall in thinned]
     start = np.vstack([sight.start, *(leg.start for leg in legs)])
     end = np.vstack([sight.end, *(leg.end for leg in legs)])
-    owner = np.r_[np.full(len(sight.start), -1), np.repeat(np.arange(len(walls)), [2 * wall.support for wall in walls])]
+    owner = np.r_[
+        np.full(len(sight.start), -1), np.repeat(np.arange(len(walls)), [2 * wall.support for wall in thinned])
+    ]
     hull, leg = shapely.STRtree(as_lines(start, end)).query(shapely.linestrings(spans), predicate="intersects")
     tree = shapely.STRtree(shapely.linestrings(spans))
     edges = np.searchsorted(hull, np.arange(len(walls) + 1))

@@ -27,7 +27,7 @@ from erm.walls.wall import Wall
 
 REACH = 2.0  # m; members' points lie this near to a pole
 LEAST_LOSS = 6.0  # dB; a cylinder seen from farther than its radius loses more
-PLENTY = 4  # links; of fewer it is asked whether they agree by chance
+PLENTY = 4  # links; fewer must agree beyond all chance, as many where no such accident is expected
 RING = 10.0  # outer radius of the ring about a pole that is counted, in radii of the gate
 ACCIDENTS = 0.001  # poles that chance may be expected to make of as few links
 OFF_WALL = 0.5  # m; what is nearer to a wall is its roughness, or a pilaster
@@ -63,7 +63,8 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
         lambda seeds, free: _tried(paths, starts.take(seeds), near.take(seeds), free, min_support),
         near,
     )
-    found = [pole for pole in turns.found if len(pole.members) >= PLENTY or _accidents(paths, pole) <= ACCIDENTS]
+    most = [ACCIDENTS if len(pole.members) < PLENTY else 1.0 for pole in turns.found]
+    found = [pole for pole, limit in zip(turns.found, most, strict=True) if _accidents(paths, pole) <= limit]
     if not found:
         return []
     chain = np.full(len(paths), -1)

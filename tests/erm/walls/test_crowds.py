@@ -16,12 +16,11 @@ from erm.walls.crowd import COMPANY, fewest_partners
 from erm.walls.fit import fit_line
 from erm.walls.images import Images
 from erm.walls.line import Lines, seed_line
-from erm.walls.paths import Paths
 from erm.walls.settle import settle
 from erm.walls.turns import Group, Trial, Turns
 from erm.walls.wall import Wall
 
-from .bounces import TX, bounces, joined, paths_of, route
+from .bounces import TX, bounces, joined, paths_of
 
 TXS = np.array([[5.0, 12.0, 28.4], [30.0, -10.0, 20.0]])
 STREET = np.array([[90.0, -30.0], [180.0, -60.0], [12.0, -45.0]])  # normal [degree], offset [m]
@@ -138,7 +137,7 @@ def test_three_that_agree_are_an_accident_in_a_crowd_and_none_alone():
     assert np.mean(by_chance[few]) > 0.5
     assert np.count_nonzero(of_walls) >= 3
     assert not by_chance[of_walls & ~few].any()
-    of_three = together([one for one in off_walls(3, 4)])
+    of_three = together(off_walls(3, 4))
     alone = of_three.take(np.arange(3))
     line = fit_line(alone, seed_line(alone.take(np.array([0]))))
     assert accidental([Wall(alone, line, np.arange(3))]).tolist() == [False]
@@ -158,7 +157,9 @@ def test_a_crowd_asks_for_more_partners_the_larger_it_is():
     assert len(fewest_partners(Images(together([anything(0, 6)])), np.empty(0, dtype=np.int64))) == 0
 
 
-@pytest.mark.parametrize(("seen", "strays", "stands"), [(30, 0, True), (30, 6, False), (300, 6, True), (300, 60, False)])
+@pytest.mark.parametrize(
+    ("seen", "strays", "stands"), [(30, 0, True), (30, 6, False), (300, 6, True), (300, 60, False)]
+)
 def test_strays_through_a_wall_refute_it_if_they_are_many_beside_those_that_saw_it(seen, strays, stands):
     """Receivers behind the east wall say that they see the north wall past it."""
     east, north = np.array([[180.0, -90.0], [270.0, -70.0]])
