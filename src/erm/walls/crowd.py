@@ -14,7 +14,7 @@ from erm.walls.paths import IntArray
 COMPANY = 12  # partners; a path that has as many is not from nowhere
 MEMBER = np.log(GATE / 2) - 1.0  # log odds that a true member adds on average: its chi-squared of 2 is 2
 MOST = 12  # partners asked for
-HUNDRED = 4.6  # log odds
+TWENTY = 3.0  # log odds
 
 
 def fewest_partners(images: Images, agreeing: IntArray) -> IntArray:
@@ -22,7 +22,7 @@ def fewest_partners(images: Images, agreeing: IntArray) -> IntArray:
 
     Of paths without company ``n`` lie in an area ``A`` about the seed's image; the gate of the difference of two
     images, ``pi GATE sqrt(det 2 C)``, holds ``m`` of them by chance, and ``N P(Poisson(m) >= k)`` seeds have ``k``
-    partners. Against that ``k + 1`` true members bring `MEMBER` each. Odds worse than a hundred to one are left out.
+    partners. Against that ``k + 1`` true members bring `MEMBER` each. Odds worse than twenty to one are left out.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def fewest_partners(images: Images, agreeing: IntArray) -> IntArray:
     for k in range(MOST - 1, 0, -1):
         # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
         odds = (k + 1) * MEMBER - np.log(np.maximum(count * gammainc(k, chance), 1.0))
-        fewest[odds >= -HUNDRED] = k
+        fewest[odds >= -TWENTY] = k
     return fewest
 
 
