@@ -11,6 +11,7 @@ from erm.select import select
 from erm.walls import images as images_of
 from erm.walls import turns
 from erm.walls.chance import accidental
+from erm.walls.consensus import _from_seeds as from_seeds
 from erm.walls.consensus import find_groups
 from erm.walls.crowd import COMPANY, fewest_partners
 from erm.walls.fit import fit_line
@@ -61,9 +62,8 @@ def members(groups):
     return [group.members.tolist() for group in groups]
 
 
-@pytest.mark.parametrize("seed", range(1))
-def test_batches_find_the_groups_that_one_seed_after_another_finds(seed, monkeypatch):
-    paths = crowd(seed=seed)
+def test_batches_find_the_groups_that_one_seed_after_another_finds(monkeypatch):
+    paths = crowd(each=100, seed=1)  # a seed that was put off here finds a group of its own
     ahead = find_groups(paths, 3)
     assert np.mean(fewest_partners(Images(paths), np.ones(len(paths), dtype=np.int64)) > 1) > 0.5  # crowded
     monkeypatch.setattr(turns, "FEW", 1)
@@ -74,6 +74,20 @@ def test_batches_find_the_groups_that_one_seed_after_another_finds(seed, monkeyp
     alone = find_groups(paths, 3)
     assert members(ahead) == members(alone)
     assert len(ahead) >= len(STREET)
+
+
+def test_a_seed_that_must_have_partners_waits_for_none_of_them_to_be_taken():
+    paths = crowd()
+    images, free = Images(paths), np.ones(len(paths), dtype=bool)
+    partners = images.partners()
+    seeds = np.flatnonzero(partners.sizes == 3)[:20]
+    fewest = np.full(len(paths), 3)
+    trials = from_seeds(images, seeds, partners, fewest, free)
+    assert any(trial is not None for trial in trials)
+    for seed, trial in zip(seeds.tolist(), trials, strict=True):
+        assert trial is None or set(partners[seed].tolist()) <= set(trial.seen.tolist())
+    free[partners.rows[partners.start[seeds]]] = False  # one of the three
+    assert [trial.found for trial in from_seeds(images, seeds, partners, fewest, free)] == [None] * len(seeds)
 
 
 def test_the_order_of_the_paths_changes_no_group():
