@@ -15,6 +15,7 @@ COMPANY = 12  # partners; a path that has as many is not from nowhere
 MEMBER = np.log(GATE / 2) - 1.0  # log odds that a true member adds on average: its chi-squared of 2 is 2
 MOST = 12  # partners asked for
 TWENTY = 3.0  # log odds
+LEAST = 0.01  # m; width of a cell, whatever the azimuths are said to be known to
 
 
 def fewest_partners(images: Images, agreeing: IntArray) -> IntArray:
@@ -46,7 +47,7 @@ def fewest_partners(images: Images, agreeing: IntArray) -> IntArray:
 
 def _density(images: Images, counted: np.ndarray) -> np.ndarray:
     """Images (path,) a square metre, of some paths of the same transmitter, in the nine cells about that of each."""
-    cell = 2 * REACH * float(np.quantile(images.across, 0.75))
+    cell = max(2 * REACH * float(np.quantile(images.across, 0.75)), LEAST)
     column, row = np.floor((images.points - images.points.min(axis=0)) / cell).astype(np.int64).T + 1
     rows, columns = int(row.max()) + 2, int(column.max()) + 2
     key = (images.paths.transmitter * columns + column) * rows + row
