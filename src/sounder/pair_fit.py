@@ -41,8 +41,9 @@ RANK = 1e-3
 """Share of the most noise under which a combination of samples holds none."""
 FAINT = 0.1
 """Share of the most strength under which a combination of samples tells nothing of pulses within reach."""
-UNLIKE = np.log(2)
-"""How unlike the amplitudes of two paths are expected to be, as the deviation of their logarithms: 6 dB."""
+UNLIKE = np.log(2) / 2
+"""How unlike the amplitudes of two paths are expected to be, as the deviation of their logarithms: 3 dB, as
+most are whose sum does not look like the stronger alone."""
 SETTLED = 1e-3
 """Squared residual, in noise powers, that no step gains any more."""
 AZIMUTH, ELEVATION, LEVEL, DELAY = range(4)
