@@ -139,7 +139,10 @@ def two_fit(one: One, middle: float, seen: Beams, sight: Sight) -> Two | None:
 
 
 def _let_in(two: Real, sight: Sight) -> bool:
-    """Tell whether a horn unlike its description may let in one of two paths where the other seems to be."""
+    """Tell whether a horn unlike its description may let in one of two paths where the other seems to be.
+
+    By `MARGIN` where the pattern is 12 dB down or more; where it is high it is known the better.
+    """
     there, here = two[:, :2], two[::-1, :2]
     level = sight.pattern.beam_gain(*there.T, *here.T) / 20 * np.log(10)
     unlike = np.minimum(np.log(MARGIN), -level / 2)
@@ -153,9 +156,10 @@ def _laplace(paths: Real, costs: Real, information: Real) -> tuple[Real, Real, R
     turned = np.roll(np.arange(8), 4)
     information[swapped] = information[swapped][:, turned][:, :, turned]
     information = information + TINY * np.eye(8)
-    evidence = -costs - 0.5 * np.linalg.slogdet(information)[1]
-    share = np.exp(evidence - evidence.max())
-    return paths, np.linalg.inv(information), share / share.sum()
+    evidence: Real = -costs - 0.5 * np.linalg.slogdet(information)[1]
+    share: Real = np.exp(evidence - evidence.max())
+    share /= share.sum()
+    return paths, np.linalg.inv(information).astype(float), share
 
 
 def _agrees(paths: Real, phase: Real, seen: Beams, sight: Sight) -> float:

@@ -27,8 +27,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.antenna import STEP, Pattern
+from sounder.antenna import Pattern
 from sounder.matched import OVER, Matched
+from sounder.pattern_slopes import Cuts, slopes
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -121,12 +122,15 @@ class Sight:
         Half-power beamwidths in azimuth and elevation [degree].
     fan : array (2,)
         Lowest and highest elevation that a main lobe sees [degree].
+    cuts : Cuts
+        The pattern's.
     """
 
     samples: Samples
     pattern: Pattern
     widths: tuple[float, float]
     fan: Real
+    cuts: Cuts
 
     def bounds(self, middle: float, reach: float) -> Real:
         """Least and most of a path's parameters (2, 4), within beamwidths of an azimuth and in the fan."""
@@ -134,25 +138,12 @@ class Sight:
         return np.array([[middle - aside, self.fan[0], -60.0, -REACH], [middle + aside, self.fan[1], 60.0, REACH]])
 
 
-def slopes(paths: Real, beams: Beams, pattern: Pattern) -> Real:
-    """Amplitude pattern (3, ..., path, beam) toward paths (..., path, 4): itself, by azimuth and by elevation."""
-    east = np.array([0, STEP, -STEP, 0, 0])
-    up = np.array([0, 0, 0, STEP, -STEP])
-    ahead = paths[..., AZIMUTH, None] + east
-    above = paths[..., ELEVATION, None] + up
-    level = np.log(10) / 20 * pattern.beam_gain(ahead[..., None], above[..., None], *beams.looks.T)
-    g = np.exp(level[..., 0, :])
-    by_azimuth = (level[..., 1, :] - level[..., 2, :]) / (2 * STEP)
-    by_elevation = (level[..., 3, :] - level[..., 4, :]) / (2 * STEP)
-    return np.stack([g, g * by_azimuth, g * by_elevation])
-
-
 def linearised(paths: Real, phase: Real, beams: Beams, sight: Sight) -> tuple[Real, Complex, Complex, Complex]:
     """Negative log-likelihood, residuals (..., beam, combination), derivatives (..., parameter, beam, combination).
 
     The derivatives twice: those that make the gradient, and those that make the information.
     """
-    g, by_azimuth, by_elevation = slopes(paths, beams, sight.pattern)
+    g, by_azimuth, by_elevation = slopes(paths[..., AZIMUTH], paths[..., ELEVATION], beams.looks, sight.cuts)
     pulse, slope = sight.samples.at(paths[..., DELAY])
     turn = np.zeros(paths.shape[:-1])
     if paths.shape[-2] > 1:

@@ -30,8 +30,12 @@ DRAWS, ROUNDS = 256, 3
 """Draws in a round."""
 FREEDOM = 5.0
 """Of the t distributions that are drawn from: longer tails than a normal one's."""
-WIDER = 1.3
+WIDER = 2.0
 """Deviations of these, over those of the fits."""
+LONELY = 0.9
+"""Largest sum of squared weights that tells how few draws count."""
+LEAST = 0.1
+"""Share of the fits' covariance that a round of draws has at least, besides that of the round before."""
 PHASES = 6
 """Phases between the paths, in half a circle."""
 
@@ -54,6 +58,7 @@ def posterior(mean: Real, covariance: Real, share: Real, bounds: Real, seen: Bea
     flat = mean.reshape(-1, 8)
     proposals = [(flat[:, DRAWN], WIDER**2 * covariance[:, DRAWN[:, None], DRAWN], 0.7 * share + 0.3 / share.size)]
     delay = share @ mean[:, :, DELAY]
+    within = np.einsum("s,sij->ij", share, covariance[:, DRAWN[:, None], DRAWN])
     drawn, likely = np.zeros((0, 6)), np.zeros(0)
     for _ in range(ROUNDS):
         more = _draw(*proposals[-1], rng)
@@ -63,9 +68,10 @@ def posterior(mean: Real, covariance: Real, share: Real, bounds: Real, seen: Bea
         weight = np.exp(likely - density - np.max(likely - density))
         weight /= weight.sum()
         middle = weight @ drawn
-        spread = (drawn - middle).T @ ((drawn - middle) * weight[:, None])
-        least = np.einsum("s,sij->ij", share, covariance[:, DRAWN[:, None], DRAWN])
-        proposals.append((middle[None], (spread + 0.1 * least)[None], np.ones(1)))
+        # Of few draws that count, the covariance is too small, and the mean is wrong by a share of it.
+        alone = min(np.sum(weight**2), LONELY)
+        spread = (drawn - middle).T @ ((drawn - middle) * weight[:, None]) * (1 + alone) / (1 - alone)
+        proposals.append((middle[None], (spread + LEAST * within)[None], np.ones(1)))
     paths = (share @ flat).reshape(2, 4)
     away = flat - share @ flat
     both = np.einsum("s,sij->ij", share, covariance) + (away * share[:, None]).T @ away

@@ -22,6 +22,7 @@ from sounder.kernels import component
 from sounder.matched import OVER
 from sounder.pair_choice import Two, one_misses, two_fit
 from sounder.pair_fit import AZIMUTH, DELAY, ELEVATION, LEVEL, SAMPLES, Beams, Samples, Sight
+from sounder.pattern_slopes import Cuts
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -76,7 +77,7 @@ def split(
     recorded = np.flatnonzero(np.isfinite(noise))
     up = looks[recorded, 1]
     fan = np.array([up.min() - widths[1] / 2, up.max() + widths[1] / 2]) if up.size else np.zeros(2)
-    sight = Sight(Samples.of(filter_.matched, filter_.noise), pattern, widths, fan)
+    sight = Sight(Samples.of(filter_.matched, filter_.noise), pattern, widths, fan, Cuts.of(pattern))
     spread = filter_.matched.delay_variance
     kept, pair, pairs, tries = np.ones(len(found), bool), np.full(len(found), -1), [], 0
     for group in _groups(found, widths[0]):
