@@ -203,19 +203,22 @@ def fit(paths: Real, phase: Real, beams: Beams, sight: Sight, bounds: Real, *, s
     paths = np.clip(paths, *bounds)
     damping = np.full(len(paths), 1e-2)
     cost, normal, down = _equations(paths, phase, beams, sight)
+    left = np.arange(len(paths))
     for _ in range(steps):
-        steep = np.einsum("sii->si", normal)
-        damped = normal + (damping[:, None] * steep + 1e-9)[:, :, None] * np.eye(steep.shape[1])
-        step = np.linalg.solve(damped, down[..., None])[..., 0]
-        tried = np.clip(paths + step.reshape(paths.shape), *bounds)
-        cost_there, normal_there, down_there = _equations(tried, phase, beams, sight)
-        better = cost_there < cost
-        gained = np.max(np.where(better, cost - cost_there, 0))
-        paths[better], cost[better] = tried[better], cost_there[better]
-        normal[better], down[better] = normal_there[better], down_there[better]
-        damping *= np.where(better, 0.2, 8.0)
-        if better.any() and gained < SETTLED:
+        steep = np.einsum("sii->si", normal[left])
+        damped = normal[left] + (damping[left, None] * steep + 1e-9)[:, :, None] * np.eye(steep.shape[1])
+        step = np.linalg.solve(damped, down[left, :, None])[..., 0]
+        tried = np.clip(paths[left] + step.reshape(-1, *paths.shape[1:]), *bounds)
+        cost_there, normal_there, down_there = _equations(tried, phase[left], beams, sight)
+        gained = cost[left] - cost_there
+        better = gained > 0
+        won = left[better]
+        paths[won], cost[won] = tried[better], cost_there[better]
+        normal[won], down[won] = normal_there[better], down_there[better]
+        damping[left] *= np.where(better, 0.2, 8.0)
+        if better.any() and gained.max() < SETTLED:
             break
+        left = left[~better | (gained >= SETTLED)]
     return paths, cost, 2 * normal
 
 
