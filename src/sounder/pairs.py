@@ -3,8 +3,8 @@
 A fit of one path to the beams about it takes two, half a beamwidth to two of them apart, for one between them or for
 two of wrong directions, since each disturbs the beams of the other. If the phase between two paths is the same in all
 directions, as it is when the horn turns about its phase centre, the magnitudes of all beams have few unknowns and tell
-(`sounder.pair_fit`). Whether the phase is the same, no one says beforehand: where two paths are is judged for both cases
-(`sounder.pair_posterior`), and they are accepted where
+(`sounder.pair_fit`). Whether the phase is the same, no one says beforehand: where two paths are is judged for both
+cases (`sounder.pair_posterior`), and they are accepted where
 
 * one fits worse than noise and what is not known of the pattern explain (Bayes' information criterion);
 * two fit within the noise, which three paths do not, nor some pairs whose phase turns from beam to beam;
