@@ -1,7 +1,8 @@
-"""Maps grow in proportion to their MPCs: a city of 500 walls, 30 % of the components from nowhere.
+"""Maps grow in proportion to their MPCs: a city of 484 walls, 30 % of the components from nowhere.
 
 Prints time, memory and what was found for growing numbers of MPCs; the last line compares the largest with the one
-before it. Without an argument up to 30 000 MPCs, with `full` up to a million.
+before it. Without an argument up to 30 000 MPCs, with a number up to that many: `map_scale.py 1000000`. Of the walls
+those are asked for that three paths or more bounced off.
 """
 
 import pools  # isort: skip  # noqa: F401
@@ -53,8 +54,11 @@ def places(buildings: shapely.Geometry, count: int, near: Floats, reach: float, 
     return found[:count]
 
 
-def bounces(tx: Floats, rx: Floats, walls: Floats, tree: shapely.STRtree) -> tuple[npt.NDArray[np.int64], Floats]:
-    """Receiver and image (path, 2) of every single bounce that nothing hides."""
+Ints = npt.NDArray[np.int64]
+
+
+def bounces(tx: Floats, rx: Floats, walls: Floats, standing: shapely.Geometry) -> tuple[Ints, Floats, Ints]:
+    """Receiver, image (path, 2) and wall of every single bounce that nothing hides."""
     normal = azimuth_of(np.stack([walls[:, 1, 1] - walls[:, 0, 1], walls[:, 0, 0] - walls[:, 1, 0]], axis=-1))
     n = np.stack([np.cos(np.deg2rad(normal)), np.sin(np.deg2rad(normal))], axis=-1)  # outward
     offset = np.sum(n * walls[:, 0], axis=-1)
@@ -66,34 +70,36 @@ def bounces(tx: Floats, rx: Floats, walls: Floats, tree: shapely.STRtree) -> tup
     along = walls[wall, 1] - walls[wall, 0]
     place = np.sum((point - walls[wall, 0]) * along, axis=-1) / np.sum(along**2, axis=-1)
     on = (place > 0.02) & (place < 0.98)
-    receiver, image, point = receiver[on], image[on], point[on]
-    seen = np.ones(len(point), dtype=bool)
-    for end in (np.broadcast_to(tx, point.shape), rx[receiver]):
-        legs = shapely.linestrings(np.stack([end, point + 1e-6 * (end - point)], axis=1))
-        seen[tree.query(legs, predicate="intersects")[0]] = False
-    return receiver[seen], image[seen]
+    receiver, image, point, wall = receiver[on], image[on], point[on], wall[on]
+    for from_tx in (True, False):
+        end = np.broadcast_to(tx, point.shape) if from_tx else rx[receiver]
+        seen = ~shapely.intersects(standing, shapely.linestrings(np.stack([end, point + 1e-6 * (end - point)], axis=1)))
+        receiver, image, point, wall = receiver[seen], image[seen], point[seen], wall[seen]
+    return receiver, image, wall
 
 
 def campaign(count: int, seed: int = 1):
-    """Walls, and a table of about ``count`` MPCs of which 30 % are anything."""
+    """Walls, how many paths hit each, and a table of about ``count`` MPCs of which 30 % are anything."""
     rng = np.random.default_rng(seed)
     walls = city(rng)
-    tree = shapely.STRtree(shapely.linestrings(walls))
+    standing = shapely.multilinestrings(shapely.linestrings(walls))
+    shapely.prepare(standing)
     buildings = shapely.union_all(shapely.polygons(walls[:, 0].reshape(-1, 4, 2))).buffer(1.0)
     shapely.prepare(buildings)
     middle = np.full(2, (BLOCKS - 1) / 2 * PITCH)
     transmitters = places(buildings, 60, middle, 0.8 * middle[0], rng)
-    parts: dict[str, list[Floats]] = {name: [] for name in ("tx", "rx", "length", "azimuth")}
+    parts: dict[str, list[Floats]] = {name: [] for name in ("tx", "rx", "length", "azimuth", "wall")}
     total, wanted = 0, int(0.7 * count)
     while total < wanted:
         for tx in transmitters:
             rx = places(buildings, max(8, count // 2000), tx, REACH, rng)
-            receiver, image = bounces(tx, rx, walls, tree)
+            receiver, image, wall = bounces(tx, rx, walls, standing)
             seen = image - rx[receiver]
             parts["tx"].append(np.broadcast_to([*tx, 10.0], (len(seen), 3)))
             parts["rx"].append(np.column_stack([rx[receiver], np.full(len(seen), 1.5)]))
             parts["length"].append(np.hypot(np.hypot(*seen.T), 8.5))
             parts["azimuth"].append(azimuth_of(seen))
+            parts["wall"].append(wall)
             total += len(seen)
     columns = {name: np.concatenate(part)[:wanted] for name, part in parts.items()}
     wrong = rng.integers(0, wanted, count - wanted)
@@ -118,28 +124,30 @@ def campaign(count: int, seed: int = 1):
             "elevation_std": np.full(n, ELEVATION_STD),
         }
     )
-    return walls, table
+    return walls, np.bincount(columns["wall"], minlength=len(walls)), table
 
 
 def main() -> None:
     print(f"ten million steps of a Python loop: {loop_time():.2f} s ({USUAL} s on a usual machine)")
     sizes = [3_000, 10_000, 30_000]
-    if sys.argv[1:] == ["full"]:
-        sizes += [100_000, 300_000, 1_000_000]
-    print(
-        f"{'MPCs':>9s} {'s':>8s} {'us an MPC':>10s} {'GiB':>6s} {'found':>7s} {'correct':>8s} {'offset RMSE [m]':>16s}"
-    )
+    if sys.argv[1:]:
+        sizes += [size for size in (100_000, 300_000, 1_000_000) if size <= int(sys.argv[1])]
+    names = ("MPCs", "s", "elapsed", "us an MPC", "GiB", "hit", "found", "correct", "offset RMSE [m]", "median")
+    print(" ".join(f"{name:>9s}" for name in names))
     spent = []  # processor seconds: other work on the machine does not count
     for size in sizes:
-        walls, table = campaign(size)
-        start = time.process_time()
+        walls, hits, table = campaign(size)
+        start, before = time.process_time(), time.perf_counter()
         environment, _ = reconstruct(select(table))
         spent.append(time.process_time() - start)
+        elapsed = time.perf_counter() - before
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        score = evaluate_walls(environment, walls)
+        score = evaluate_walls(environment, walls, hits)
+        error = score["offset_error"]
         print(
-            f"{size:9d} {spent[-1]:8.2f} {spent[-1] / size * 1e6:10.1f} {memory:6.2f} {score['found']:7d} "
-            f"{score['correctness']:8.3f} {score['offset_error']['rmse']:16.4f}",
+            f"{size:9d} {spent[-1]:9.2f} {elapsed:9.2f} {spent[-1] / size * 1e6:9.1f} {memory:9.2f} "
+            f"{np.count_nonzero(hits >= 3):9d} {score['found']:9d} {score['correctness']:9.3f} {error['rmse']:15.4f} "
+            f"{error['median']:9.4f}",
             flush=True,
         )
     growth = spent[-1] / spent[-2] / (sizes[-1] / sizes[-2])

@@ -11,8 +11,8 @@ import typer
 from erm import console
 from erm.cli_evaluate import evaluate
 from erm.cli_export import export
-from erm.errors import DataError
-from erm.storage import spare_inputs
+from erm.errors import OptionError
+from erm.outputs import require_folder, require_suffix, spare_inputs
 
 app = typer.Typer(
     add_completion=False,
@@ -37,7 +37,8 @@ class Threshold(StrEnum):
 @app.command()
 def reconstruct(
     mpcs: Annotated[
-        list[Path], typer.Argument(help="MPC tables (.csv) and products of `sounder process`, any mixture.")
+        list[Path],
+        typer.Argument(readable=False, help="MPC tables (.csv) and products of `sounder process`, any mixture."),
     ],
     out: Annotated[Path, typer.Option(help="Map to write: .h5, .geojson, .gpkg, .csv; or a format of `erm export`.")],
     rps: Annotated[Path | None, typer.Option(help="Also write the accepted reflection points (.csv).")] = None,
@@ -46,7 +47,8 @@ def reconstruct(
         Threshold, typer.Option(help="Single reflections: by consistency, below a fixed loss, or the letter's Eq. 4.")
     ] = Threshold.consistency,
     max_loss: Annotated[
-        float | None, typer.Option(help="Largest loss [dB]; 20 for consistency, 12 for fixed.", show_default=False)
+        float | None,
+        typer.Option(min=0.0, help="Largest loss [dB]; 20 for consistency, 12 for fixed.", show_default=False),
     ] = None,
     min_support: Annotated[int, typer.Option(min=1, help="Antenna pairs that must share a wall.")] = 3,
     add_to: Annotated[
@@ -59,16 +61,18 @@ def reconstruct(
     """Reconstruct the walls that reflected the components."""
     inputs = {path for path in (*mpcs, add_to) if path is not None}
     spare_inputs((out, rps, figure), inputs)
-    _require_suffix(rps, ".csv")
-    _require_suffix(figure, ".png", ".pdf", ".svg")
+    require_suffix(rps, ".csv")
+    require_suffix(figure, ".png", ".pdf", ".svg")
     import numpy as np
 
+    from erm.formats import require_format
     from erm.members import added, read_members, write_map
     from erm.mpc_table import read_mpcs, write_reflection_points
     from erm.reconstruct import reconstruct as merge_walls
     from erm.select import select
     from erm.storage import provenance
 
+    require_format(out)
     table, complaints = read_mpcs(mpcs)
     if complaints and not table.sizes["mpc"]:
         console.complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
@@ -116,7 +120,7 @@ def predict(
     environment: MapFile,
     tx: Annotated[Point, typer.Option(help="Transmitter, east north up [m].", show_default=False)],
     rx: Annotated[Point, typer.Option(help="Receiver, east north up [m].", show_default=False)],
-    frequency: Annotated[float, typer.Option(min=1.0, help="Carrier [Hz].")] = 132e9,
+    frequency: Annotated[float, typer.Option(min=1e6, max=1e13, help="Carrier [Hz].")] = 132e9,
     max_order: Annotated[int, typer.Option(min=0, max=3, help="Most reflections a path.")] = 2,
     out: Annotated[Path | None, typer.Option(help="Also write the paths as an MPC table (.csv).")] = None,
 ) -> None:
@@ -126,9 +130,12 @@ def predict(
     from erm.trace import trace
 
     spare_inputs((out,), (environment,))
-    _require_suffix(out, ".csv")
+    require_suffix(out, ".csv")
+    for option, place in (("--tx", tx), ("--rx", rx)):
+        if not all(map(math.isfinite, place)):
+            raise OptionError(f"{option} is {place}; expected three finite numbers, east north up [m]")
     if tx == rx:
-        raise DataError(f"TX and RX are both at {tx}; expected two places")
+        raise OptionError(f"--tx and --rx are both {tx}; expected two places")
     paths = trace(Environment.read(environment), tx, rx, frequency, max_order=max_order)
     names = ("delay", "azimuth", "elevation", "path_gain")
     if out:
@@ -150,6 +157,7 @@ def letter(out: Annotated[Path, typer.Option(help="Folder for the page, its tabl
 
     Captures are simulated, which takes minutes; the result is one page, letter.md, with figures as PDF and PNG.
     """
+    require_folder(out)
     from erm.letter.captures import installed
     from erm.letter.study import run
 
@@ -168,11 +176,6 @@ def main() -> None:
 def _number(value: float) -> str:
     """Return a count as it is, other numbers to the hundredth, nothing for NaN."""
     return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.2f}"
-
-
-def _require_suffix(path: Path | None, *known: str) -> None:
-    if path is not None and path.suffix.lower() not in known:
-        raise DataError(f"{path}: the suffix {path.suffix!r} is not supported; choose {', '.join(known)}")
 
 
 if __name__ == "__main__":

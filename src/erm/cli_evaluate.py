@@ -33,7 +33,8 @@ SUMMARY = ("count", "min", "max", "mean", "median", "std", "rmse")
 def evaluate(
     environment: Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)],
     mpcs: Annotated[
-        list[Path] | None, typer.Argument(help="MPCs whose reflection points are judged too.", show_default=False)
+        list[Path] | None,
+        typer.Argument(readable=False, help="MPCs whose reflection points are judged too.", show_default=False),
     ] = None,
     outline: Annotated[
         Path | None, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)
@@ -49,7 +50,8 @@ def evaluate(
         float | None, typer.Option(help="Keep outline features with this z_slice_m; default the lowest.")
     ] = None,
     min_visible: Annotated[
-        float, typer.Option(help="Keep outline features with more than this share visible from a receiver.")
+        float,
+        typer.Option(min=0.0, max=1.0, help="Keep outline features with more than this share visible from a receiver."),
     ] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:

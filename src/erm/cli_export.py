@@ -6,7 +6,9 @@ from typing import Annotated
 import typer
 
 from erm.console import counted
+from erm.errors import DataError, OptionError
 from erm.formats import FREQUENCY, HEIGHT, MARGIN
+from erm.outputs import spare_inputs
 
 
 def export(
@@ -24,11 +26,14 @@ def export(
         float, typer.Option(help="Bearing of the local north, clockwise from true north [degree].")
     ] = 0.0,
     height: Annotated[
-        float, typer.Option(help="Drawings: walls without end are cut so high above the ground [m].")
+        float, typer.Option(min=0.0, help="Drawings: walls without end are cut so high above the ground [m].")
     ] = HEIGHT,
-    margin: Annotated[float, typer.Option(help="Drawings: reach of ground and ceiling beyond the walls [m].")] = MARGIN,
+    margin: Annotated[
+        float, typer.Option(min=0.0, help="Drawings: reach of ground and ceiling beyond the walls [m].")
+    ] = MARGIN,
     frequency: Annotated[
-        float, typer.Option(help=".xml: where materials unknown to the ray tracer are evaluated [Hz].")
+        float,
+        typer.Option(min=1e6, max=1e13, help=".xml: where materials unknown to the ray tracer are evaluated [Hz]."),
     ] = FREQUENCY,
 ) -> None:
     """Write a map in another format, or give it its place on earth.
@@ -39,15 +44,20 @@ def export(
     from dataclasses import replace
 
     from erm.environment import Environment
+    from erm.formats import require_format
     from erm.georeference import Georeference
-    from erm.storage import spare_inputs
 
     if origin is None and (origin_height or heading):
         raise typer.BadParameter("--origin-height and --heading need --origin LATITUDE LONGITUDE")
     spare_inputs((out,), (environment,))
+    require_format(out)
+    try:
+        georeference = None if origin is None else Georeference(*origin, origin_height, heading)
+    except DataError as error:
+        raise OptionError(error) from None
     place = Environment.read(environment)
-    if origin is not None:
-        place = replace(place, georeference=Georeference(*origin, origin_height, heading))
+    if georeference is not None:
+        place = replace(place, georeference=georeference)
     place.write(out, height=height, margin=margin, frequency=frequency)
     kinds = place.reflectors["kind"].values.tolist()
     meshes = f"; its meshes are {out.stem}-*.ply beside it" if out.suffix.lower() == ".xml" else ""

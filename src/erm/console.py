@@ -8,30 +8,44 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
-from erm.errors import DataError
+from erm.errors import DataError, OptionError
 from erm.storage import SOFTWARE
+from erm.usage import told
 
 if TYPE_CHECKING:
     import typer
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
+DATA_FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
+"""Exit codes; the last is that after Ctrl-C."""
 
 
 def run(app: "typer.Typer") -> None:
-    """Run a command line: exit with 0 if all is done, 1 if data failed, 2 on wrong usage, 130 after Ctrl-C."""
+    """Run a command line: exit with 0 if all is done, 1 if data failed, 2 on wrong usage, 130 after Ctrl-C.
+
+    What is wrong is told in one line.
+    """
+    from typer import Abort, BadParameter
+
+    usage_error: type[BadParameter] = BadParameter.__mro__[1]  # its parent, which typer does not name
     signal.signal(signal.SIGINT, _interrupt)
+    usual, sys.unraisablehook = sys.unraisablehook, _unraisable
     try:
-        app()
+        code = app(standalone_mode=False)
     except DataError as error:
         print(error, file=sys.stderr)
-        raise SystemExit(1) from None
-    except SystemExit as stop:
-        if stop.code == INTERRUPTED:
-            print("interrupted; what was finished is whole, the rest is not there", file=sys.stderr)
-        raise
+        raise SystemExit(WRONG_USAGE if isinstance(error, OptionError) else DATA_FAILED) from None
+    except usage_error as error:
+        print(told(error), file=sys.stderr)
+        raise SystemExit(WRONG_USAGE) from None
+    except Abort:  # Ctrl-C, of typers that do not return 130 for it
+        code = INTERRUPTED
+    finally:
+        sys.unraisablehook = usual
+    if code == INTERRUPTED:
+        print("interrupted; what was finished is whole, the rest is not there", file=sys.stderr)
+    raise SystemExit(code or 0)
 
 
 _interrupted = Event()
@@ -41,6 +55,12 @@ def _interrupt(number: int, frame: object) -> None:
     """Raise KeyboardInterrupt, and note that it was: what is raised within a callback of a library is lost."""
     _interrupted.set()
     signal.default_int_handler(number, None)
+
+
+def _unraisable(lost: "sys.UnraisableHookArgs") -> None:
+    """Say nothing of a Ctrl-C that a callback of the interpreter lost: it is raised again at the next step."""
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
 
 
 def _go_on() -> None:
@@ -92,7 +112,7 @@ def complain(complaints: Sequence[str]) -> None:
     for complaint in complaints:
         print(complaint, file=sys.stderr)
     if complaints:
-        raise SystemExit(1)
+        raise SystemExit(DATA_FAILED)
 
 
 def save_figure(drawn: "Figure | Axes", path: Path) -> None:

@@ -132,7 +132,8 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
             f"{path}: not a text table ({error}); expected CSV with the header {','.join(COLUMNS)}"
         ) from None
     if missing := [name for name in COLUMNS if name not in header]:
-        raise DataError(f"{path}: has no column {', '.join(missing)}; expected the header {','.join(COLUMNS)}")
+        some = f"has no column {', '.join(missing)}" if len(missing) < len(COLUMNS) else "not an MPC table"
+        raise DataError(f"{path}: {some}; expected the header {','.join(COLUMNS)}")
 
     numbers = {
         name: np.array([_number(row.get(name), name in BLANK_ALLOWED) for row in rows], dtype=float)

@@ -3,13 +3,14 @@
 import json
 from collections.abc import Iterator
 from itertools import pairwise
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from erm.environment import Environment
-from erm.errors import DataError
+from erm.errors import DataError, OptionError
 from erm.geometry import FloatArray
 from erm.georeference import Georeference, declared
 
@@ -54,6 +55,8 @@ def read_outline(
         origin.
     """
     path = Path(path)
+    if z_slice is not None and not isfinite(z_slice):
+        raise OptionError(f"z_slice {z_slice} m; expected a finite number")
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from erm import elevation, geometry, noise
+from erm.clusters import clusters
 from erm.constants import c
-from erm.errors import DataError
+from erm.errors import OptionError
 from erm.geometry import FloatArray, angle_difference
 from erm.mpc_table import path_length
 
@@ -85,9 +86,13 @@ def select(
         one.
     """
     if threshold not in get_args(Threshold):
-        raise DataError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
+        raise OptionError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
     if not rx_std >= 0:
-        raise DataError(f"rx_std {rx_std} m; expected 0 or more")
+        raise OptionError(f"rx_std {rx_std} m; expected 0 or more")
+    if max_reflection_loss is not None and not max_reflection_loss > 0:
+        raise OptionError(f"max_reflection_loss {max_reflection_loss} dB; expected more than 0")
+    if not np.isfinite(ground_height):
+        raise OptionError(f"ground_height {ground_height} m; expected a finite number")
     table = _widened(_with_errors(table, delay_std, azimuth_std), rx_std)
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
@@ -140,38 +145,6 @@ def links(table: "xr.Dataset") -> npt.NDArray[np.int64]:
     ends = np.hstack([table["tx_position"].values, table["rx_position"].values])
     _, first, index = np.unique(ends, axis=0, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[index.ravel()]
-
-
-def clusters(
-    table: "xr.Dataset", link: npt.NDArray[np.int64], *, delay_window: float, azimuth_window: float
-) -> tuple[npt.NDArray[np.int64], BoolArray]:
-    """Group the components of each link around its strongest ones.
-
-    The strongest component left over claims all that lie within an ellipse about it in the plane of delay
-    and azimuth (circular), until none is left. Diffuse tails and sidelobes thus fall to the specular path
-    that causes them.
-
-    Returns
-    -------
-    cluster : array (mpc,) of int
-    strongest : array (mpc,) of bool
-    """
-    delay, azimuth, gain = (table[name].values for name in ("delay", "azimuth", "path_gain"))
-    strongest = np.zeros(len(delay), dtype=bool)
-    round_of = np.zeros(len(delay), dtype=np.int64)
-    left = np.lexsort((azimuth, delay, -gain, link))
-    rounds = 0
-    while len(left):  # all links at once: the strongest left of each claims its cluster
-        first = np.r_[True, np.diff(link[left]) != 0]
-        head = left[first][np.cumsum(first) - 1]
-        strongest[left[first]] = True
-        apart = ((delay[left] - delay[head]) / delay_window) ** 2
-        apart += (angle_difference(azimuth[left], azimuth[head]) / azimuth_window) ** 2
-        round_of[left[apart <= 1]] = rounds
-        left = left[apart > 1]
-        rounds += 1
-    numbers = np.unique(link * max(rounds, 1) + round_of, return_inverse=True)[1]
-    return numbers.ravel(), strongest
 
 
 def reflection_loss(table: "xr.Dataset") -> FloatArray:

@@ -4,6 +4,7 @@ import glob
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -27,7 +28,7 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     """Yield a temporary path beside ``target`` that takes its place when the block ends well.
 
     The file is flushed to disk before the rename, so a reader sees the old file or the whole new one. When the
-    block raises, Ctrl-C included, the temporary file is removed and ``target`` is as it was.
+    block raises, Ctrl-C included, the temporary file and folders made for it are removed, and ``target`` is as it was.
 
     Raises
     ------
@@ -38,13 +39,14 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     if target.parent.is_file():
         raise DataError(f"{target.parent}: is a file; choose a folder to write into")
     temporary = target.with_name(f".{target.name}.{uuid4().hex[:8]}.part{target.suffix}")
+    made = [folder for folder in target.parents if not folder.exists()]
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary.touch()
-        temporary.unlink()  # some writers refuse to overwrite
-    except OSError as error:
-        raise DataError(f"{target}: cannot be written ({error.strerror}); choose a writable folder") from error
-    try:
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            temporary.touch()
+            temporary.unlink()  # some writers refuse to overwrite
+        except OSError as error:
+            raise DataError(f"{target}: cannot be written ({error.strerror}); choose a writable folder") from error
         yield temporary
         descriptor = os.open(temporary, os.O_RDONLY)
         try:
@@ -53,8 +55,10 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
             os.close(descriptor)
         os.replace(temporary, target)
     except BaseException as error:
-        with suppress(FileNotFoundError):
-            temporary.unlink()
+        with suppress(OSError):  # of a folder that cannot be made, or holds something already
+            temporary.unlink(missing_ok=True)
+            for folder in made:
+                folder.rmdir()
         if isinstance(error, OSError):
             raise DataError(f"{target}: cannot be written ({error.strerror or error}); is the disk full?") from error
         raise
@@ -140,30 +144,27 @@ def require_file(path: Path) -> None:
     Raises
     ------
     DataError
-        It is a folder, or is not there.
+        It is a folder, is not there, is empty or not to be read.
     """
     if path.is_dir():
         raise DataError(f"{path}: is a folder; name the files in it, as in {path / '*'}")
     if not path.is_file():
         raise DataError(f"{path}: no such file")
+    if not os.access(path, os.R_OK):
+        raise DataError(f"{path}: may not be read; ask its owner for permission")
+    if not path.stat().st_size:
+        raise DataError(f"{path}: is empty; make or copy it anew")
 
 
-def spare_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
-    """Refuse to write where something is read.
-
-    Raises
-    ------
-    DataError
-        An output is an input; None is no output.
-    """
-    read = {path.resolve() for path in inputs}
-    for output in outputs:
-        if output is not None and output.resolve() in read:
-            raise DataError(f"{output}: is an input, which would be replaced; choose another output")
+def damaged(path: Path, error: OSError) -> DataError:
+    """What the HDF5 library says of a file that it cannot read, in words where the file is cut short."""
+    whole = re.search(r"stored_eof = (\d+)", str(error))
+    what = f"{path.stat().st_size} of its {whole[1]} bytes" if whole else str(error)
+    return DataError(f"{path}: damaged HDF5 file ({what}); make or copy it anew")
 
 
-def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
-    """Load one group of a product into memory and close the file.
+def open_group(path: Path | str, group: str = "/", expected: str = "a product of this software") -> "xr.Dataset":
+    """Load one group of a product into memory and close the file; errors tell what it is ``expected`` to be.
 
     Raises
     ------
@@ -176,16 +177,16 @@ def open_group(path: Path | str, group: str = "/") -> "xr.Dataset":
     path = Path(path)
     require_file(path)
     if not h5py.is_hdf5(path):
-        raise DataError(f"{path}: not an HDF5 file; expected a product of this software")
+        raise DataError(f"{path}: not an HDF5 file; expected {expected}")
     try:
         with h5py.File(path, "r") as file:
             held = sorted(file)
             present = group in file
         if not present:
             what = "holds raw captures" if "iq" in held else f"holds {', '.join(held[:5]) or 'nothing'}"
-            then = "process them first" if "iq" in held else "expected a product of this software"
+            then = "process them first" if "iq" in held else f"expected {expected}"
             raise DataError(f"{path}: {what} and no group {group}; {then}")
         with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
             return dataset.load()
     except OSError as error:
-        raise DataError(f"{path}: damaged HDF5 file ({error}); make or copy it anew") from None
+        raise damaged(path, error) from None

@@ -2,7 +2,6 @@
 
 import math
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +9,8 @@ import typer
 
 from erm import console
 from erm.errors import DataError
-from erm.storage import spare_inputs
+from erm.outputs import require_folder, spare_inputs
+from sounder.choices import Averaging, Format, Method, Omnidirectional, Threshold
 
 if TYPE_CHECKING:
     from sounder.position import Outcome
@@ -33,44 +33,6 @@ Description = Annotated[
 ]
 
 
-class Averaging(StrEnum):
-    """Averaging over the snapshots of a direction."""
-
-    coherent = "coherent"
-    phase_aligned = "phase-aligned"
-    power = "power"
-
-
-class Threshold(StrEnum):
-    """Least power of an MPC."""
-
-    usc = "usc"
-    nyu = "nyu"
-
-
-class Method(StrEnum):
-    """How MPCs that overlap are told apart."""
-
-    sage = "sage"
-    clean = "clean"
-    peaks = "peaks"
-
-
-class Omnidirectional(StrEnum):
-    """Making of the omnidirectional PDP."""
-
-    sum = "sum"
-    maximum = "maximum"
-
-
-class Format(StrEnum):
-    """File format of figures."""
-
-    png = "png"
-    pdf = "pdf"
-    svg = "svg"
-
-
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path("demo-output"),
@@ -79,6 +41,7 @@ def demo(
 
     It is simulated, processed from the raw captures, reconstructed and scored.
     """
+    require_folder(out)
     from sounder.demo import run
 
     run(out)
@@ -93,6 +56,7 @@ def simulate(
 
     Its truth, environment and paths, is written beside them.
     """
+    require_folder(out)
     from sounder.scene import load_scene
     from sounder.simulate import simulate_campaign
 
@@ -140,6 +104,9 @@ def convert(
     sounder: Description = None,
 ) -> None:
     """Convert a recording to the native format."""
+    spare_inputs((out,), (file,))
+    if out.suffix.lower() != ".h5":
+        require_folder(out)
     from sounder.convert import convert_file
 
     with console.progress("converting", 1):
@@ -149,7 +116,9 @@ def convert(
 
 @app.command()
 def process(
-    recordings: Annotated[list[Path], typer.Argument(help="Raw recordings, one or many positions each.")],
+    recordings: Annotated[
+        list[Path], typer.Argument(readable=False, help="Raw recordings, one or many positions each.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for the products, one file a position.")],
     calibration: Annotated[
         Path | None, typer.Option(help="Back-to-back recording (.h5); a foreign file may hold its own.")
@@ -174,10 +143,10 @@ def process(
     ] = None,
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
-    from sounder.startup import collect_seldom, spare_imports
+    require_folder(out)
+    from sounder.startup import start_processing
 
-    collect_seldom()
-    spare_imports()
+    start_processing()
     from sounder.intake import gather
     from sounder.pipeline import process
     from sounder.position import Options
@@ -200,7 +169,7 @@ def process(
 
 @app.command()
 def figures(
-    products: Annotated[list[Path], typer.Argument(help="Products of `sounder process`.")],
+    products: Annotated[list[Path], typer.Argument(readable=False, help="Products of `sounder process`.")],
     out: Annotated[Path, typer.Option(help="Folder for the figures.")],
     overlay: Annotated[bool, typer.Option("--overlay", help="Draw two positions into one polar DAPS.")] = False,
     file_format: Annotated[Format, typer.Option("--format", help="File format.")] = Format.png,
@@ -213,6 +182,7 @@ def figures(
 
     if overlay and len(products) != 2:
         raise typer.BadParameter(f"--overlay takes two products, got {len(products)}")
+    require_folder(out)
     failures = []
     written: list[Path] = []
     with console.progress("drawing", len(products)) as advance:
@@ -230,7 +200,9 @@ def figures(
 
 @app.command()
 def score(
-    products: Annotated[list[Path], typer.Argument(help="Products of `sounder process`, or MPC tables (.csv).")],
+    products: Annotated[
+        list[Path], typer.Argument(readable=False, help="Products of `sounder process`, or MPC tables (.csv).")
+    ],
     truth: Annotated[Path, typer.Option(help="truth/paths.h5 of `sounder simulate`, an MPC table or a product.")],
     delay_gate: Annotated[float, typer.Option(help="How far an MPC may be off its path [s].")] = 1e-9,
     azimuth_gate: Annotated[float, typer.Option(help="The same [degree].")] = 5.0,
@@ -252,9 +224,8 @@ def score(
     from sounder.report import score_products, write_score
     from sounder.score import Gates
 
-    if out and out.suffix.lower() in (".csv", ".h5", ".json", ".png", ".pdf"):
-        raise typer.BadParameter(f"--out is a folder, for a table and figures; {out} looks like a file")
     if out:
+        require_folder(out)
         spare_inputs((out / "paths.csv",), (*products, truth))
     gates = Gates(delay_gate, azimuth_gate, elevation_gate, gain_gate)
     judged, complaints = score_products(products, truth, gates=gates, dynamic_range=dynamic_range, least_snr=least_snr)

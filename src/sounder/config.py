@@ -1,6 +1,5 @@
 """The sounder description: what the instrument is, read from TOML, frozen and validated."""
 
-import tomllib
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -10,6 +9,10 @@ from pydantic import Field, ValidationError, model_validator
 from erm.errors import DataError
 from sounder.antenna_files import read_cut
 from sounder.antenna_tables import Antenna, Positive, Table
+from sounder.toml import describe, read_toml
+
+LINES = 16
+"""Least number of spectral lines kept: a delay is a slope of the phase over these."""
 
 
 class Waveform(Table):
@@ -189,6 +192,11 @@ class Sounder(Table):
             raise ValueError(
                 f"processing.bandwidth is {self.bandwidth / 1e9:g} GHz; the chips fill less than {widest / 1e9:g} GHz"
             )
+        if self.bandwidth * self.waveform.period < LINES:
+            least = LINES / self.waveform.period
+            raise ValueError(
+                f"processing.bandwidth is {self.bandwidth:g} Hz; expected {least:g} Hz or more, {LINES} spectral lines"
+            )
         return self
 
 
@@ -210,35 +218,7 @@ def parse(tables: dict[str, Any], source: str) -> Sounder:
     try:
         return Sounder.model_validate(tables)
     except ValidationError as error:
-        raise DataError(f"{source}: {describe(error)}") from None
-
-
-def describe(error: ValidationError) -> str:
-    """One line for a pydantic error: each key by its dotted name, and what is wrong with it."""
-    parts = []
-    for item in error.errors():
-        where = ".".join(str(part) for part in item["loc"])
-        message = {"extra_forbidden": "unknown key", "missing": "missing"}.get(
-            item["type"], item["msg"].removeprefix("Value error, ")
-        )
-        parts.append(f"{where}: {message}" if where else message)
-    return "; ".join(parts)
-
-
-def read_toml(path: Path | str) -> dict[str, Any]:
-    """Tables of a TOML file.
-
-    Raises
-    ------
-    DataError
-        The file is missing or not TOML.
-    """
-    try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}; expected a TOML file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: not TOML ({error})") from None
+        raise DataError(f"{source}: {describe(error, Sounder)}") from None
 
 
 def load(path: Path | str) -> Sounder:

@@ -23,6 +23,7 @@ from sounder.kernels import component
 from sounder.matched import OVER
 from sounder.pair_choice import LEAST
 from sounder.pair_fit import AZIMUTH, DELAY, ELEVATION, LEVEL, Beams
+from sounder.pattern_slopes import Cuts
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -69,6 +70,7 @@ class Scan:
         filter_: Deembedding,
         threshold: Real,
     ) -> None:
+        self.cuts = Cuts.of(pattern)
         self.beams, self.noise, self.looks, self.pattern, self.threshold = beams, noise, looks, pattern, threshold
         self.recorded = np.flatnonzero(np.isfinite(noise))
         self.widths, self.pulse, self.spread = np.array(widths), filter_.matched.pulse, filter_.matched.delay_variance
@@ -153,12 +155,12 @@ def _together(
     paths[:, AZIMUTH] = middle + _turn(rows[:, component.AZIMUTH] - middle)
     paths[:, ELEVATION], paths[:, LEVEL] = rows[:, component.ELEVATION], np.log(rows[:, component.AMPLITUDE])
     paths[:, DELAY] = scan.since(rows[:, component.DELAY], first)
-    paths[:, PHASE] = phases(paths, beams, window, scan.pattern)
+    paths[:, PHASE] = phases(paths, beams, window, scan.cuts)
     pulse, _ = window.at(paths[:, DELAY])
     own = taken[np.ix_(group, which)]
     left = beams.data - own.T @ pulse / np.sqrt(beams.noise)[:, None]
     alone = 2 * np.sum(np.abs(left) ** 2) / max(2 * left.size - 2 * np.count_nonzero(own) - group.size, 1)
-    best = fit(paths, _bounds(paths, scan), beams, window, scan.pattern)
+    best = fit(paths, _bounds(paths, scan), beams, window, scan.cuts)
     if best.misfit > max(alone, 1 + FITS / np.sqrt(best.left.size)) or _closest(best.paths, scan) < LEAST:
         return None
     for _ in range(MORE):
@@ -223,7 +225,7 @@ def _with_another(known: Fit, beams: Beams, window: Window, scan: Scan) -> Fit |
     if start is None:
         return None
     paths = np.vstack([known.paths, start])
-    more = fit(paths, _bounds(paths, scan), beams, window, scan.pattern)
+    more = fit(paths, _bounds(paths, scan), beams, window, scan.cuts)
     if 2 * (known.cost - more.cost) < CRITERION * max(1.0, more.misfit):
         return None
     new = more.paths[-1]

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.antenna import Pattern
 from sounder.matched import OVER, Matched
-from sounder.pair_fit import DELAY, LEVEL, RANK, Beams, slopes
+from sounder.pair_fit import AZIMUTH, DELAY, ELEVATION, LEVEL, RANK, Beams
+from sounder.pattern_slopes import Cuts, slopes
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -106,7 +106,7 @@ class Fit:
         )
 
 
-def fit(paths: Real, bounds: Real, beams: Beams, window: Window, pattern: Pattern) -> Fit:
+def fit(paths: Real, bounds: Real, beams: Beams, window: Window, cuts: Cuts) -> Fit:
     """Levenberg-Marquardt from one start.
 
     Parameters
@@ -118,12 +118,13 @@ def fit(paths: Real, bounds: Real, beams: Beams, window: Window, pattern: Patter
     beams : Beams
         Directions, and their samples in combinations of the window.
     window : Window
-    pattern : Pattern
+    cuts : Cuts
+        Of the antenna.
     """
     low, high = bounds.reshape(2, -1)
     paths = np.clip(paths, *bounds)
     damping = 1e-2
-    cost, normal, down, left = _equations(paths, beams, window, pattern)
+    cost, normal, down, left = _equations(paths, beams, window, cuts)
     for _ in range(STEPS):
         flat = paths.ravel()
         free = ~(((flat <= low) & (down < 0)) | ((flat >= high) & (down > 0)))
@@ -131,7 +132,7 @@ def fit(paths: Real, bounds: Real, beams: Beams, window: Window, pattern: Patter
         step = np.zeros(flat.size)
         step[free] = np.linalg.solve(steep + np.diag(damping * np.diag(steep) + 1e-9), down[free])
         tried = np.clip(flat + step, low, high).reshape(paths.shape)
-        there = _equations(tried, beams, window, pattern)
+        there = _equations(tried, beams, window, cuts)
         gained = cost - there[0]
         if gained > 0:
             paths, (cost, normal, down, left) = tried, there
@@ -142,9 +143,9 @@ def fit(paths: Real, bounds: Real, beams: Beams, window: Window, pattern: Patter
     return Fit(paths, cost, 2 * normal, float(2 * np.sum(np.abs(left) ** 2) / freedom), left)
 
 
-def _equations(paths: Real, beams: Beams, window: Window, pattern: Pattern) -> tuple[float, Real, Real, Complex]:
+def _equations(paths: Real, beams: Beams, window: Window, cuts: Cuts) -> tuple[float, Real, Real, Complex]:
     """Cost, normal equations and residuals."""
-    g, by_azimuth, by_elevation = slopes(paths, beams, pattern)
+    g, by_azimuth, by_elevation = slopes(paths[:, AZIMUTH], paths[:, ELEVATION], beams.looks, cuts)
     pulse, slope = window.at(paths[:, DELAY])
     factor = (np.exp(paths[:, LEVEL] + 1j * paths[:, PHASE])[:, None] / np.sqrt(beams.noise))[..., None]
     along = factor * pulse[:, None]
@@ -183,9 +184,9 @@ def _real(columns: Complex) -> Real:
     return np.concatenate([flat.real, flat.imag], axis=1)
 
 
-def phases(paths: Real, beams: Beams, window: Window, pattern: Pattern) -> Real:
+def phases(paths: Real, beams: Beams, window: Window, cuts: Cuts) -> Real:
     """Phases (path,) that fit best, directions' and paths' in turn, from those of the strongest path."""
-    g, _, _ = slopes(paths, beams, pattern)
+    g, _, _ = slopes(paths[:, AZIMUTH], paths[:, ELEVATION], beams.looks, cuts)
     pulse, _ = window.at(paths[:, DELAY])
     each = (np.exp(paths[:, LEVEL])[:, None] * g / np.sqrt(beams.noise))[..., None] * pulse[:, None]
     flat = each.reshape(len(each), -1)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from erm.errors import DataError
-from sounder.config import describe, read_toml
+from sounder.toml import Alternatives, describe, read_toml
 
 Axis = Literal["position", "azimuth", "elevation", "direction", "snapshot", "sample", "iq"]
 
@@ -29,9 +29,13 @@ class Reference(_Table):
         return self
 
 
-Number = float | Reference
-Numbers = tuple[float, ...] | Reference
-Points = tuple[float, float, float] | tuple[tuple[float, float, float], ...] | Reference
+ELSEWHERE = '{ dataset = "name" }, { attribute = "name" } or { attribute = "name", of = "dataset" }'
+Number = Annotated[float | Reference, Alternatives(f"a number, {ELSEWHERE}")]
+Numbers = Annotated[tuple[float, ...] | Reference, Alternatives(f"a list of numbers, {ELSEWHERE}")]
+Points = Annotated[
+    tuple[float, float, float] | tuple[tuple[float, float, float], ...] | Reference,
+    Alternatives(f"three numbers, a list of such, {ELSEWHERE}"),
+]
 
 
 class Samples(_Table):
@@ -78,7 +82,7 @@ class Positions(_Table):
 
     tx: Points
     rx: Points
-    los: int | Reference = -1
+    los: Annotated[int | Reference, Alternatives(f"1, 0, -1, {ELSEWHERE}")] = -1
     name: str | None = None
 
     @model_validator(mode="after")
@@ -133,4 +137,4 @@ def load(path: Path | str) -> Layout:
     try:
         return Layout.model_validate(read_toml(path))
     except ValidationError as error:
-        raise DataError(f"{path}: {describe(error)}") from None
+        raise DataError(f"{path}: {describe(error, Layout)}") from None

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sounder.pair_fit import AZIMUTH, DELAY, ELEVATION, LEVEL, Beams, Sight, fit, linearised
+from sounder.pair_posterior import posterior
 
 Real = NDArray[np.float64]
 
@@ -126,7 +127,7 @@ def two_fit(one: One, middle: float, seen: Beams, sight: Sight) -> Two | None:
     misfit = _agrees(paths[[best]], turns[[best]], vague, sight)
     if not misfit or 2 * (one.cost - costs[best]) < CRITERION:
         return None
-    two, covariance = _mean(paths, costs, information)
+    two, covariance = posterior(*_laplace(paths, costs, information), bounds, vague, sight)
     apart = np.hypot(*((two[0] - two[1])[:2] / sight.widths))
     variance = np.diag(covariance).reshape(2, 4)
     unsure = np.sqrt(variance[:, ELEVATION])
@@ -138,33 +139,27 @@ def two_fit(one: One, middle: float, seen: Beams, sight: Sight) -> Two | None:
 
 
 def _let_in(two: Real, sight: Sight) -> bool:
-    """Tell whether a horn unlike its description may let in one of two paths where the other seems to be."""
+    """Tell whether a horn unlike its description may let in one of two paths where the other seems to be.
+
+    By `MARGIN` where the pattern is 12 dB down or more; where it is high it is known the better.
+    """
     there, here = two[:, :2], two[::-1, :2]
     level = sight.pattern.beam_gain(*there.T, *here.T) / 20 * np.log(10)
-    return bool((two[:, LEVEL] + level + np.log(MARGIN) > two[::-1, LEVEL]).any())
+    unlike = np.minimum(np.log(MARGIN), -level / 2)
+    return bool((two[:, LEVEL] + level + unlike > two[::-1, LEVEL]).any())
 
 
-def _mean(paths: Real, costs: Real, information: Real) -> tuple[Real, Real]:
-    """Mean (path, 4) and covariance (8, 8) of two paths over the phase between them, all of it alike beforehand.
-
-    At each phase the likelihood is taken for Gaussian (Laplace); it is not along the phase, at whose ends the
-    magnitudes do not change with it.
-    """
+def _laplace(paths: Real, costs: Real, information: Real) -> tuple[Real, Real, Real]:
+    """Fits in order of azimuth: paths (fit, 2, 4), covariances (fit, 8, 8) and likelihood (fit,), as if Gaussian."""
     swapped = paths[:, 0, AZIMUTH] > paths[:, 1, AZIMUTH]
     paths[swapped] = paths[swapped][:, ::-1]
     turned = np.roll(np.arange(8), 4)
     information[swapped] = information[swapped][:, turned][:, :, turned]
-    evidence = -costs - 0.5 * np.linalg.slogdet(information + TINY * np.eye(8))[1]
-    weight = np.exp(evidence - evidence.max())
-    weight /= weight.sum()
-    flat = paths.reshape(-1, 8)
-    mean = weight @ flat
-    away = flat - mean
-    covariance = (
-        np.einsum("s,sij->ij", weight, np.linalg.inv(information + TINY * np.eye(8)))
-        + (away * weight[:, None]).T @ away
-    )
-    return mean.reshape(2, 4), covariance
+    information = information + TINY * np.eye(8)
+    evidence: Real = -costs - 0.5 * np.linalg.slogdet(information)[1]
+    share: Real = np.exp(evidence - evidence.max())
+    share /= share.sum()
+    return paths, np.linalg.inv(information).astype(float), share
 
 
 def _agrees(paths: Real, phase: Real, seen: Beams, sight: Sight) -> float:

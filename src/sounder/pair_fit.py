@@ -27,8 +27,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.antenna import STEP, Pattern
+from sounder.antenna import Pattern
 from sounder.matched import OVER, Matched
+from sounder.pattern_slopes import Cuts, slopes
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -41,8 +42,9 @@ RANK = 1e-3
 """Share of the most noise under which a combination of samples holds none."""
 FAINT = 0.1
 """Share of the most strength under which a combination of samples tells nothing of pulses within reach."""
-UNLIKE = np.log(2)
-"""How unlike the amplitudes of two paths are expected to be, as the deviation of their logarithms: 6 dB."""
+UNLIKE = np.log(2) / 2
+"""How unlike the amplitudes of two paths are expected to be, as the deviation of their logarithms: 3 dB, as
+most are whose sum does not look like the stronger alone."""
 SETTLED = 1e-3
 """Squared residual, in noise powers, that no step gains any more."""
 AZIMUTH, ELEVATION, LEVEL, DELAY = range(4)
@@ -120,12 +122,15 @@ class Sight:
         Half-power beamwidths in azimuth and elevation [degree].
     fan : array (2,)
         Lowest and highest elevation that a main lobe sees [degree].
+    cuts : Cuts
+        The pattern's.
     """
 
     samples: Samples
     pattern: Pattern
     widths: tuple[float, float]
     fan: Real
+    cuts: Cuts
 
     def bounds(self, middle: float, reach: float) -> Real:
         """Least and most of a path's parameters (2, 4), within beamwidths of an azimuth and in the fan."""
@@ -133,25 +138,12 @@ class Sight:
         return np.array([[middle - aside, self.fan[0], -60.0, -REACH], [middle + aside, self.fan[1], 60.0, REACH]])
 
 
-def slopes(paths: Real, beams: Beams, pattern: Pattern) -> Real:
-    """Amplitude pattern (3, ..., path, beam) toward paths (..., path, 4): itself, by azimuth and by elevation."""
-    east = np.array([0, STEP, -STEP, 0, 0])
-    up = np.array([0, 0, 0, STEP, -STEP])
-    ahead = paths[..., AZIMUTH, None] + east
-    above = paths[..., ELEVATION, None] + up
-    level = np.log(10) / 20 * pattern.beam_gain(ahead[..., None], above[..., None], *beams.looks.T)
-    g = np.exp(level[..., 0, :])
-    by_azimuth = (level[..., 1, :] - level[..., 2, :]) / (2 * STEP)
-    by_elevation = (level[..., 3, :] - level[..., 4, :]) / (2 * STEP)
-    return np.stack([g, g * by_azimuth, g * by_elevation])
-
-
 def linearised(paths: Real, phase: Real, beams: Beams, sight: Sight) -> tuple[Real, Complex, Complex, Complex]:
     """Negative log-likelihood, residuals (..., beam, combination), derivatives (..., parameter, beam, combination).
 
     The derivatives twice: those that make the gradient, and those that make the information.
     """
-    g, by_azimuth, by_elevation = slopes(paths, beams, sight.pattern)
+    g, by_azimuth, by_elevation = slopes(paths[..., AZIMUTH], paths[..., ELEVATION], beams.looks, sight.cuts)
     pulse, slope = sight.samples.at(paths[..., DELAY])
     turn = np.zeros(paths.shape[:-1])
     if paths.shape[-2] > 1:
@@ -211,19 +203,22 @@ def fit(paths: Real, phase: Real, beams: Beams, sight: Sight, bounds: Real, *, s
     paths = np.clip(paths, *bounds)
     damping = np.full(len(paths), 1e-2)
     cost, normal, down = _equations(paths, phase, beams, sight)
+    left = np.arange(len(paths))
     for _ in range(steps):
-        steep = np.einsum("sii->si", normal)
-        damped = normal + (damping[:, None] * steep + 1e-9)[:, :, None] * np.eye(steep.shape[1])
-        step = np.linalg.solve(damped, down[..., None])[..., 0]
-        tried = np.clip(paths + step.reshape(paths.shape), *bounds)
-        cost_there, normal_there, down_there = _equations(tried, phase, beams, sight)
-        better = cost_there < cost
-        gained = np.max(np.where(better, cost - cost_there, 0))
-        paths[better], cost[better] = tried[better], cost_there[better]
-        normal[better], down[better] = normal_there[better], down_there[better]
-        damping *= np.where(better, 0.2, 8.0)
-        if better.any() and gained < SETTLED:
+        steep = np.einsum("sii->si", normal[left])
+        damped = normal[left] + (damping[left, None] * steep + 1e-9)[:, :, None] * np.eye(steep.shape[1])
+        step = np.linalg.solve(damped, down[left, :, None])[..., 0]
+        tried = np.clip(paths[left] + step.reshape(-1, *paths.shape[1:]), *bounds)
+        cost_there, normal_there, down_there = _equations(tried, phase[left], beams, sight)
+        gained = cost[left] - cost_there
+        better = gained > 0
+        won = left[better]
+        paths[won], cost[won] = tried[better], cost_there[better]
+        normal[won], down[won] = normal_there[better], down_there[better]
+        damping[left] *= np.where(better, 0.2, 8.0)
+        if better.any() and gained.max() < SETTLED:
             break
+        left = left[~better | (gained >= SETTLED)]
     return paths, cost, 2 * normal
 
 

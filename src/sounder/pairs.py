@@ -3,10 +3,11 @@
 A fit of one path to the beams about it takes two, half a beamwidth to two of them apart, for one between them or for
 two of wrong directions, since each disturbs the beams of the other. If the phase between two paths is the same in all
 directions, as it is when the horn turns about its phase centre, the magnitudes of all beams have few unknowns and tell
-(`sounder.pair_fit`). Whether the phase is the same, no one says beforehand; so two paths are accepted where
+(`sounder.pair_fit`). Whether the phase is the same, no one says beforehand: where two paths are is judged for both
+cases (`sounder.pair_posterior`), and they are accepted where
 
 * one fits worse than noise and what is not known of the pattern explain (Bayes' information criterion);
-* two fit within the noise: pairs whose phase turns from beam to beam mostly do not, nor do three paths;
+* two fit within the noise, which three paths do not, nor some pairs whose phase turns from beam to beam;
 * they are further apart than what a lobe broader than described could be taken for, both are inside the fan, and
   their directions are known.
 """
@@ -22,6 +23,7 @@ from sounder.kernels import component
 from sounder.matched import OVER
 from sounder.pair_choice import Two, one_misses, two_fit
 from sounder.pair_fit import AZIMUTH, DELAY, ELEVATION, LEVEL, SAMPLES, Beams, Samples, Sight
+from sounder.pattern_slopes import Cuts
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -78,7 +80,7 @@ def split(
     recorded = np.flatnonzero(np.isfinite(noise))
     up = looks[recorded, 1]
     fan = np.array([up.min() - widths[1] / 2, up.max() + widths[1] / 2]) if up.size else np.zeros(2)
-    sight = Sight(Samples.of(filter_.matched, filter_.noise), pattern, widths, fan)
+    sight = Sight(Samples.of(filter_.matched, filter_.noise), pattern, widths, fan, Cuts.of(pattern))
     spread = filter_.matched.delay_variance
     kept, pair, pairs, sums, tries = np.ones(len(found), bool), np.full(len(found), -1), [], [], 0
     for group in _groups(found, widths[0]):

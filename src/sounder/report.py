@@ -18,6 +18,8 @@ from sounder import figures, score_figures
 from sounder.config import parse
 from sounder.score import Gates, Score, score, with_snr
 
+TRUTH = "truth/paths.h5 of `sounder simulate`, an MPC table (.csv) or a product"
+
 
 def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
     """Draw the DAPS (polar, and cartesian with the MPCs) and the PDP of one product.
@@ -142,13 +144,13 @@ def read_truth(path: Path) -> tuple[xr.Dataset, list[str]]:
     complaints: list[str] = []
     if path.suffix.lower() == ".csv":
         table, complaints = read_csv(path)
-    elif "path" in (traced := open_group(path)).dims:
+    elif "path" in (traced := open_group(path, expected=TRUTH)).dims:
         table = traced
     else:
         table, complaints = read_product(path)
     names = ["position", "delay", "azimuth", "elevation", "path_gain"]
     if missing := [name for name in names if name not in table]:
-        raise DataError(f"{path}: has no {missing[0]}; expected truth/paths.h5 of `sounder simulate` or an MPC table")
+        raise DataError(f"{path}: has no {missing[0]}; expected {TRUTH}")
     table = table[names]
     return (table if "path" in table.dims else table.rename(mpc="path")), complaints
 

@@ -1,5 +1,6 @@
 """A scene to be simulated: what stands where, which links are measured with which sounder; read from TOML."""
 
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -8,8 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from erm.errors import DataError
 from sounder import shipped
-from sounder.config import Sounder, describe, load, read_toml
+from sounder.config import Sounder, load
 from sounder.instrument import Faults
+from sounder.toml import Alternatives, describe, read_toml
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Place = tuple[Number, Number, Number]
@@ -22,13 +24,24 @@ class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Wall(_Table):
+class _Upright(_Table):
+    """What stands from ``base`` to ``top`` [m]."""
+
+    base: float = 0.0
+    top: float = float("inf")
+
+    @model_validator(mode="after")
+    def _rises(self) -> Self:
+        if not self.base < self.top:
+            raise ValueError(f"top is {self.top:g} m; expected more than base, {self.base:g} m")
+        return self
+
+
+class Wall(_Upright):
     """Vertical walls along a line of points [m], from ``base`` to ``top``; ``closed`` joins the last to the first."""
 
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
     closed: bool = False
-    base: float = 0.0
-    top: float = float("inf")
     material: str = "concrete"
 
     @property
@@ -37,14 +50,18 @@ class Wall(_Table):
         points = (*self.points, self.points[0]) if self.closed else self.points
         return list(pairwise(points))
 
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if twice := [a for a, b in self.segments if a == b]:
+            raise ValueError(f"points name {list(twice[0])} twice in a row; closed joins the last to the first")
+        return self
 
-class Pole(_Table):
+
+class Pole(_Upright):
     """Vertical cylinder."""
 
     position: Point
     radius: Annotated[float, Field(gt=0)]
-    base: float = 0.0
-    top: float = float("inf")
     material: str = "metal"
 
 
@@ -74,16 +91,27 @@ class Surroundings(_Table):
         drawn = {name for name in ("walls", "poles", "ground", "ceiling", "materials") if getattr(self, name)}
         if self.file and drawn:
             raise ValueError(f"file and {', '.join(sorted(drawn))} are both given; draw here or name a file")
+        if self.ground and self.ceiling and not self.ground.height < self.ceiling.height:
+            heights = self.ceiling.height, self.ground.height
+            raise ValueError("ceiling.height is {:g} m; expected more than ground.height, {:g} m".format(*heights))
         return self
 
 
 class Receiver(_Table):
     """A position: where the receiver stood, which transmitter it heard, and whether it should see it."""
 
-    name: Annotated[str, Field(pattern=r"^[\w+-][\w.+-]*$")]
+    name: str
     tx: str
     position: Place
     los: bool | None = None
+
+    @model_validator(mode="after")
+    def _names_a_file(self) -> Self:
+        if not re.fullmatch(r"[\w+-][\w.+-]*", self.name):
+            raise ValueError(
+                f"name is {self.name!r}; expected a file's name: letters, digits, +, -, _ and dots after the first"
+            )
+        return self
 
 
 class Scene(_Table):
@@ -115,7 +143,10 @@ class Scene(_Table):
     name: str
     frame: Literal["east-north", "east-south"] = "east-north"
     sounder: Sounder
-    attenuator: Annotated[float, Field(ge=0)] | Path | None = None
+    attenuator: Annotated[
+        Annotated[float, Field(ge=0)] | Path | None,
+        Alternatives("a loss of at least 0 dB, or the name of a touchstone file"),
+    ] = None
     snapshots: Annotated[int, Field(ge=1)] = 8
     seed: Annotated[int, Field(ge=0)] = 0
     max_order: Annotated[int, Field(ge=0, le=4)] = 2
@@ -185,4 +216,4 @@ def load_scene(path: Path | str) -> Scene:
     try:
         return Scene.model_validate(tables).northward()
     except ValidationError as error:
-        raise DataError(f"{path}: {describe(error)}") from None
+        raise DataError(f"{path}: {describe(error, Scene)}") from None

@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from erm.errors import OptionError
 from sounder.antenna import Pattern
 from sounder.bounds import NAMES, gains
 from sounder.config import Sounder
@@ -38,6 +39,11 @@ class Gates:
     azimuth: float = 5.0
     elevation: float = np.inf
     path_gain: float = 10.0
+
+    def __post_init__(self) -> None:
+        for name, gate in asdict(self).items():
+            if not gate > 0:
+                raise OptionError(f"gate of {name} is {gate:g}; expected more than 0")
 
 
 @dataclass(frozen=True)
@@ -136,6 +142,9 @@ def score(
     Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001 (gating, normalised
     errors).
     """
+    for option, limit in (("dynamic_range", dynamic_range), ("least_snr", least_snr)):
+        if np.isnan(limit):
+            raise OptionError(f"{option} is {limit} dB; expected a number")
     gates = gates or Gates()
     (dim,) = truth["delay"].dims
     paths = truth.rename({dim: "path"}) if dim != "path" else truth

@@ -1,6 +1,6 @@
 """A scene to files: raw recordings, their back-to-back, and the truth they were made from."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from erm.storage import provenance, write_product
 from erm.trace import trace
 from sounder import shipped
 from sounder.recording import BackToBack, Recording
-from sounder.scene import Receiver, Scene
+from sounder.scene import Receiver, Scene, Surroundings
 from sounder.touchstone import read_s21
 from sounder.twin import back_to_back, record
 from sounder.writer import write_back_to_back, write_recording
@@ -27,9 +27,15 @@ def environment_of(scene: Scene) -> Environment:
     DataError
         The file cannot be read, or a material is not known.
     """
-    drawn = scene.environment
-    if drawn.file:
-        return Environment.read(drawn.file)
+    if scene.environment.file:
+        return Environment.read(scene.environment.file)
+    try:
+        return _built(scene.environment)
+    except DataError as error:
+        raise DataError(f"{scene.name}: environment: {error}") from None
+
+
+def _built(drawn: Surroundings) -> Environment:
     pieces = [(segment, wall) for wall in drawn.walls for segment in wall.segments]
     environment = Environment.walls(
         np.array([segment for segment, _ in pieces]).reshape(-1, 2, 2),
@@ -67,25 +73,38 @@ def simulate(scene: Scene) -> Iterator[tuple[Recording, xr.Dataset]]:
         The environment cannot be read, or shows a position that should be in line of sight not to be, or the other
         way round.
     """
-    environment = environment_of(scene)
+    yield from _recorded(scene, _traced(scene, environment_of(scene)))
+
+
+def _traced(scene: Scene, environment: Environment) -> list[xr.Dataset]:
+    """Paths to each receiver: all that can contradict the scene is known before anything is recorded."""
+    frequency = scene.sounder.carrier.frequency
+    found = []
     for receiver in scene.receivers:
         tx = scene.transmitters[receiver.tx]
-        paths = trace(environment, tx, receiver.position, scene.sounder.carrier.frequency, max_order=scene.max_order)
+        paths = trace(environment, tx, receiver.position, frequency, max_order=scene.max_order)
+        _require_sight(scene, receiver, paths)
+        found.append(paths)
+    return found
+
+
+def _recorded(scene: Scene, traced: Sequence[xr.Dataset]) -> Iterator[tuple[Recording, xr.Dataset]]:
+    for receiver, paths in zip(scene.receivers, traced, strict=True):
         recording = record(
             paths,
             scene.sounder,
             name=receiver.name,
-            tx_position=tx,
+            tx_position=scene.transmitters[receiver.tx],
             rx_position=receiver.position,
             snapshots=scene.snapshots,
-            los=_line_of_sight(scene, receiver, paths),
+            los=int(paths["los"].any()),
             faults=scene.faults,
             seed=scene.seed,
         )
         yield recording, paths
 
 
-def _line_of_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) -> int:
+def _require_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) -> None:
     seen = bool(paths["los"].any())
     if receiver.los is not None and receiver.los != seen:
         states = {True: "in line of sight", False: "not in line of sight"}
@@ -93,7 +112,6 @@ def _line_of_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) -> int:
             f"{scene.name}: {receiver.name} is {states[seen]} of {receiver.tx} in this environment, but its los says "
             f"{states[receiver.los]}; move it, change the walls, or leave los out"
         )
-    return int(seen)
 
 
 def calibration_of(scene: Scene) -> BackToBack:
@@ -141,15 +159,15 @@ def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[], N
     """
     out = Path(out)
     history = f"sounder simulate {scene.name}"
-    write_back_to_back(calibration_of(scene), out / "back-to-back.h5", history=history)
-    (out / "truth").mkdir(parents=True, exist_ok=True)
-    environment = environment_of(scene)
+    environment, b2b = environment_of(scene), calibration_of(scene)
+    traced = _traced(scene, environment)
+    write_back_to_back(b2b, out / "back-to-back.h5", history=history)
     drawn_in = [scene.environment.file] if scene.environment.file else []
     environment.reflectors.attrs.update(provenance("Environment that was simulated", history, inputs=drawn_in))
     environment.write(out / "truth" / "environment.geojson")
     recordings: list[Path] = []
     truth: list[xr.Dataset] = []
-    for recording, paths in simulate(scene):
+    for recording, paths in _recorded(scene, traced):
         target = out / "raw" / f"{recording.name}.h5"
         write_recording(recording, target, history=history)
         truth.append(paths.assign(position=("path", np.full(paths.sizes["path"], recording.name))))

@@ -1,4 +1,4 @@
-"""What the commands need not do, although what they import would: a third of the time that they take to start."""
+"""How the commands start: without what they need not do although what they import would, and compiling at once."""
 
 import gc
 import sys
@@ -6,23 +6,29 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-def spare_imports() -> None:
-    """Have xarray and numba not look for dask and SciPy's BLAS, which no product and no kernel needs.
+def start_processing() -> None:
+    """Import what processing needs, while what is not compiled yet is compiled by a process of its own.
 
-    Both look once, and then know that it is not there; so this is for a process of our own, not for a library. dask
-    itself can still be imported.
+    xarray and numba are kept from looking for dask and SciPy's BLAS, which no product and no kernel needs: a third of
+    the time. Both look once, and then know that it is not there; so this is for a process of our own, not for a
+    library. dask itself can still be imported.
     """
+    start_compiling()
+    from sounder.kernels.path import fit
+    from sounder.kernels.stage import compile_meanwhile
+
+    compile_meanwhile(fit, "sounder.kernels.ahead")
     with _hidden("dask"):
         import xarray as xr
 
         xr.Variable((), 0.0)
+
+
+def start_compiling() -> None:
+    """Import numba, and have the garbage collector look less often: compiling makes many objects and little garbage."""
+    gc.set_threshold(50_000, 20, 50)
     with _hidden("scipy.linalg"):
         import numba.np.arraymath  # noqa: F401 (to have it look now)
-
-
-def collect_seldom() -> None:
-    """Have the garbage collector look less often; importing and compiling make many objects and little garbage."""
-    gc.set_threshold(50_000, 20, 50)
 
 
 @contextmanager

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from erm.console import counted
 from erm.errors import DataError
-from erm.storage import open_group
+from erm.storage import SOFTWARE, open_group
 from sounder.config import Sounder
 from sounder.correlate import CLIPPED, clipped
 from sounder.readers import native, open_recordings
@@ -19,7 +20,7 @@ Lines = list[tuple[str, str]]
 
 
 def describe_file(path: Path) -> Lines:
-    """Describe a native recording, a back-to-back file, or a product of ``sounder process``.
+    """Describe a native recording, a back-to-back file, a product of ``sounder process``, or another of this software.
 
     Returns
     -------
@@ -35,10 +36,13 @@ def describe_file(path: Path) -> Lines:
     ) as file:
         kind = native.kind_of(path)
         product = "mpc" in file and "daps" in file
+        other = None if product or kind else _other(file)
     if kind == native.BACK_TO_BACK:
         return describe_back_to_back(native.back_to_back(path))
     if product:
         return _product(path)
+    if other:
+        return other
     return [line for recording in open_recordings(path) for line in describe_recording(recording)]
 
 
@@ -123,6 +127,17 @@ def describe_back_to_back(b2b: BackToBack) -> Lines:
         ("attenuation", f"{b2b.attenuation:g} dB ({measured})"),
         ("sequence found", sequence),
     ]
+
+
+def _other(file: h5py.File) -> Lines | None:
+    """What a truth or a map says of itself; None of a file of other software."""
+    said = [(label, file.attrs.get(name)) for label, name in (("kind", "title"), ("made by", "history"))]
+    source = str(file.attrs.get("source", ""))
+    if not source.startswith(SOFTWARE.partition(" ")[0]):
+        return None
+    axes = {name: len(node) for name, node in file.items() if getattr(node, "is_scale", False) and name != "xyz"}
+    holds = ", ".join(counted(length, name) for name, length in axes.items())
+    return [*((label, str(text)) for label, text in said if text), ("holds", holds), ("software", source)]
 
 
 def _product(path: Path) -> Lines:

@@ -2,13 +2,15 @@
 
 import signal
 import sys
+from enum import StrEnum
+from typing import Annotated
 
 import pytest
 import typer
 from matplotlib.figure import Figure
 
 from erm import console
-from erm.errors import DataError
+from erm.errors import DataError, OptionError
 
 
 def exit_code(body, arguments=()) -> int:
@@ -126,3 +128,66 @@ def test_an_interrupt_that_a_library_swallows_is_raised_at_the_next_step(capsys)
         signal.signal(signal.SIGINT, before)
     assert steps == ["swallowed", "first"]
     assert "interrupted" in capsys.readouterr().err
+
+
+def test_an_interrupt_that_the_interpreter_loses_is_raised_at_the_next_step(capsys):
+    class Leaving:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    def body() -> None:
+        with console.progress("working", 1) as advance:
+            Leaving()
+            advance()
+
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        assert exit_code(body) == console.INTERRUPTED
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().err == "interrupted; what was finished is whole, the rest is not there\n"
+
+
+def test_a_wrong_option_is_one_line_and_2(capsys):
+    def body() -> None:
+        raise OptionError("--x is nan; expected a number")
+
+    assert exit_code(body) == 2
+    assert capsys.readouterr().err == "--x is nan; expected a number\n"
+
+
+class Colour(StrEnum):
+    red = "red"
+    green = "green"
+
+
+def coloured(
+    size: Annotated[float, typer.Option(min=0.0)] = 1.0,
+    count: Annotated[int, typer.Option()] = 1,
+    colour: Annotated[Colour, typer.Option()] = Colour.red,
+    place: Annotated[tuple[float, float], typer.Option()] = (0.0, 0.0),
+) -> None:
+    """Take options of all kinds."""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--size", "-2"], ["--size", "-2", "0"]),
+        (["--size", "nan"], ["--size", "nan", "0"]),
+        (["--size", "large"], ["--size", "'large'"]),
+        (["--count", "2.5"], ["--count", "2.5"]),
+        (["--colour", "blue"], ["--colour", "'blue'", "'red', 'green'"]),
+        (["--place", "3"], ["--place", "requires 2"]),
+        (["--place", "3,4", "--size", "-6"], ["No such option: -6", "parted by spaces"]),
+        (["--place", "1", "2", "-3"], ["No such option: -3", "parted by spaces"]),
+        (["--colours", "red"], ["No such option", "--colour"]),
+    ],
+)
+def test_wrong_usage_is_one_line_with_what_was_found(capsys, arguments, said):
+    assert exit_code(coloured, arguments) == console.WRONG_USAGE
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "Value error" not in err
+    for part in said:
+        assert part in err

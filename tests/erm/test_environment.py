@@ -126,7 +126,7 @@ def test_a_csv_needs_end_points_alone(tmp_path):
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1\n", "row 1 has 3 cells"),
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1,x\n", "column second_north"),
         ("a.csv", "first_east,first_north,second_east,second_north\n1,1,1,1\n", "no length"),
-        ("a.shp", "", "unknown format"),
+        ("a.shp", "text", "unknown format"),
     ],
 )
 def test_a_bad_file_is_one_line_naming_it(tmp_path, name, content, complaint):

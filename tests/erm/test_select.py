@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.constants import c
 
+from erm.clusters import clusters
 from erm.errors import DataError
 from erm.geometry import azimuth_of
 from erm.mpc_table import make_table
-from erm.select import ACCEPTED, clusters, links, reflection_loss, select
+from erm.select import ACCEPTED, links, reflection_loss, select
 
 TX, RX, FREQUENCY = np.array([0.0, 0.0, 28.4]), np.array([80.0, 10.0, 1.4]), 132e9
 DIRECT = float(np.linalg.norm(TX - RX))

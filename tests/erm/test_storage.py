@@ -180,7 +180,7 @@ def test_a_product_is_closed_after_reading(tmp_path):
     [
         (None, "/", "no such file"),
         (b"text", "/", "not an HDF5 file; expected a product of this software"),
-        (b"", "/", "not an HDF5 file; expected a product of this software"),
+        (b"", "/", "is empty; make or copy it anew"),
         ("product", "/mpc", "holds cir, none, path, x and no group /mpc; expected a product of this software"),
         ("captures", "/mpc", "holds raw captures and no group /mpc; process them first"),
     ],

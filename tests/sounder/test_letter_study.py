@@ -99,11 +99,13 @@ def test_two_runs_give_the_same_numbers(page, tmp_path, monkeypatch):
     assert again.read_bytes() == page.read_bytes()
 
 
-def test_a_study_that_fails_leaves_no_page_not_even_that_of_an_earlier_run(tmp_path):
+def test_a_study_that_fails_leaves_no_page_beside_figures_that_are_not_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr("erm.letter.page.FORMATS", ("svg",))
     (tmp_path / PAGE).write_text("of an earlier run")
-    with pytest.raises(DataError, match="burnt out"):
-        run(tmp_path, Ideal(breaks_after=1), knobs=QUICK)
-    assert not (tmp_path / PAGE).exists()
+    for campaigns, left in ((1, [PAGE]), (5, ["figures", "parity.csv", "reflection_points.csv", "table_3.csv"])):
+        with pytest.raises(DataError, match="burnt out"):
+            run(tmp_path, Ideal(breaks_after=campaigns), knobs=QUICK)
+        assert sorted(path.name for path in tmp_path.iterdir()) == left
 
 
 def test_the_corridor_is_as_wide_as_printed_and_seen_from_inside_alone():

@@ -70,13 +70,26 @@ def test_files_are_looked_for_beside_the_scene(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (NORTH.replace("seed", "sead"), "sead: unknown key"),
+        (NORTH.replace("seed", "sead"), r"sead: unknown key; did you mean seed\?"),
         (NORTH.replace('tx = "TX"', 'tx = "TY"', 1), "A names the transmitter TY; known are TX"),
         (NORTH.replace('name = "B"', 'name = "A"'), "A is there twice"),
-        (NORTH.replace('name = "B"', 'name = "../B"'), "receivers.1.name"),
+        (NORTH.replace('name = "B"', 'name = "../B"'), r"receivers\.1: name is '\.\./B'; expected a file's name"),
         (NORTH.replace("[40, -5, 2]", "[0, 0, 10]"), "A stands where TX stands"),
-        (NORTH.replace("[40, -5, 2]", "[40, nan, 2]"), "receivers.0.position.1"),
-        (NORTH.replace("snapshots = 2", "snapshots = 0"), "snapshots"),
+        (NORTH.replace("[40, -5, 2]", "[40, nan, 2]"), r"receivers\.0\.position\.1 is nan"),
+        (NORTH.replace("snapshots = 2", "snapshots = 0"), "snapshots is 0; expected at least 1"),
+        (NORTH.replace("TX = [0, 0, 10]", "TX = [0]"), r"transmitters\.TX holds 1 of 3 values$"),
+        (
+            "[waveform]\norder = 9\n[scan]\nazimuth = [0]\n[carrier]\n",
+            "waveform: unknown key; known are .*; scan: unknown key; carr",
+        ),
+        ("attenuator = -60\n" + NORTH, "attenuator: found -60; expected a loss of at least 0 dB"),
+        (NORTH.replace("top = 30", "top = -5"), r"environment\.walls\.0: top is -5 m; expected more than base, 0 m"),
+        (NORTH.replace("[[-100, -20], ", "[[-100, -20], [-100, -20], "), "twice in a row"),
+        (
+            NORTH
+            + "[environment]\nground = {height = 3, material = 'wood'}\nceiling = {height = 2, material = 'wood'}\n",
+            r"ceiling\.height is 2 m; expected more than ground\.height, 3 m",
+        ),
         (NORTH.replace("[[environment.walls]]", '[environment]\nfile = "x"\n[[environment.walls]]'), "walls are both"),
         (NORTH.replace("[transmitters]", "[faults]\nphase_nois = false\n[transmitters]"), "faults.phase_nois: unknown"),
         ('sounder = "none.toml"\n' + NORTH, "none.toml: No such file"),
@@ -97,9 +110,16 @@ def test_a_line_of_sight_that_is_not_there_is_refused(tmp_path):
         list(simulate(scene))
 
 
+def test_a_scene_that_cannot_be_leaves_nothing_behind(tmp_path):
+    for text in (NORTH.replace("top = 30", 'material = "cheese"'), NORTH.replace("los = true", "los = false")):
+        with pytest.raises(DataError):
+            simulate_campaign(load_scene(written(tmp_path, text)), tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+
+
 def test_unknown_material_and_unsuited_attenuator_are_refused(tmp_path):
     scene = load_scene(written(tmp_path, NORTH.replace("top = 30", 'top = 30\nmaterial = "cheese"')))
-    with pytest.raises(DataError, match="cheese"):
+    with pytest.raises(DataError, match=r"^one wall: environment: unknown material 'cheese'"):
         environment_of(scene)
     (tmp_path / "low.s2p").write_text("# GHz S RI R 50\n1 0 0 1e-3 0 1e-3 0 0 0\n2 0 0 1e-3 0 1e-3 0 0 0\n")
     scene = load_scene(written(tmp_path, 'attenuator = "low.s2p"\n' + NORTH))

@@ -28,7 +28,7 @@ MEASURES: dict[str, tuple[str, dict[str, str]]] = {
     "RP error (m)": ("log", {"point_error": "MPCs on the map", "shared_error": "paths that every value found"}),
     "Wall error (m)": ("log", {"wall_error": "MPCs as they are", "wall_honest": "standard deviations that hold"}),
 }
-"""Rows of a figure of sweeps: label, scale, and the curves by field of `erm.letter.sweeps.Outcome`."""
+"""Columns of a figure of sweeps: label, scale, and the curves by field of `erm.letter.sweeps.Outcome`."""
 STYLES: tuple[dict[str, Any], ...] = (
     {"color": CURVES[1], "fmt": "o-"},
     {"color": CURVES[2], "fmt": "s--"},
@@ -74,7 +74,7 @@ def plot_error_cdf(
 
 
 def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
-    """Draw what settings bring: a column a knob, a row a measure; dotted where the letter has it.
+    """Draw what settings bring: a row a knob, a column a measure; dotted where the letter has it.
 
     Bars are one standard error of the mean over the replicates.
 
@@ -85,11 +85,13 @@ def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
     """
     import matplotlib.pyplot as plt
 
-    shape = len(MEASURES), len(sweeps)
-    figure, grid = plt.subplots(*shape, figsize=(2.3 * shape[1] + 0.6, 6.6), sharex="col", sharey="row", squeeze=False)
-    figure.set_layout_engine("constrained")
-    for column, one in zip(grid.T, sweeps, strict=True):
-        for axes, (label, (scale, curves)) in zip(column, MEASURES.items(), strict=True):
+    shape = len(sweeps), len(MEASURES)
+    height = 1.75 * shape[0] + 0.7  # inch
+    # not laid out by itself: legends wider than their column would part the columns
+    room = {"left": 0.08, "right": 0.98, "bottom": 0.5 / height, "top": 1 - 0.7 / height, "wspace": 0.35, "hspace": 0.5}
+    figure, grid = plt.subplots(*shape, figsize=(8.6, height), sharey="col", squeeze=False, gridspec_kw=room)
+    for row, one in zip(grid, sweeps, strict=True):
+        for axes, (label, (scale, curves)) in zip(row, MEASURES.items(), strict=True):
             for (field, told), style in zip(curves.items(), STYLES, strict=False):
                 mean, error = one.mean(field), one.error(field)
                 axes.errorbar(one.knob.values, mean, yerr=error, label=told, markersize=4, capsize=2, **style)
@@ -98,16 +100,16 @@ def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
             axes.set_yscale(scale)
             if scale == "linear":
                 axes.set_ylim(0, 1.04)
-            if axes in grid[:, 0]:
-                axes.set_ylabel(label)
-                axes.legend(**ABOVE | {"fontsize": "x-small"})
-        if min(one.knob.values) > 0:
-            column[-1].set_xscale("log")
-        column[-1].set_xticks(one.knob.values, [f"{value:g}" for value in one.knob.values])
-        column[-1].minorticks_off()
-        if one.knob.values[0] > one.knob.values[-1]:
-            column[-1].invert_xaxis()  # effort grows to the right in every column
-        column[-1].set_xlabel(f"{one.knob.name[:1].upper()}{one.knob.name[1:]} ({one.knob.unit})")
+            if min(one.knob.values) > 0:
+                axes.set_xscale("log")
+            axes.set_xticks(one.knob.values, [f"{value:g}" for value in one.knob.values])
+            axes.minorticks_off()
+            if one.knob.values[0] > one.knob.values[-1]:
+                axes.invert_xaxis()  # effort grows to the right in every row
+            axes.set_xlabel(f"{one.knob.name[:1].upper()}{one.knob.name[1:]} ({one.knob.unit})")
+            axes.set_ylabel(label)
+    for axes in grid[0]:
+        axes.legend(**ABOVE)
     return figure
 
 

@@ -5,7 +5,8 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from erm.errors import DataError
+from erm.errors import DataError, OptionError
+from erm.outputs import require_suffix
 from erm.storage import require_file
 
 if TYPE_CHECKING:
@@ -16,6 +17,9 @@ Writer = Callable[["Columns", dict[str, Any], Path], None]
 Reader = Callable[[Path], tuple["Columns", dict[str, Any]]]
 
 
+HDF5, GEOJSON = (".h5", ".hdf5", ".nc"), (".geojson", ".json")
+MAPS = (*HDF5, *GEOJSON, ".gpkg", ".csv")
+"""Formats that are written and read."""
 DRAWINGS = (".dxf", ".obj", ".ply", ".xml")
 """Formats that are written only: they hold shapes, not what is known about them."""
 HEIGHT, MARGIN, FREQUENCY = 30.0, 50.0, 132e9
@@ -54,8 +58,8 @@ def write_environment(
     from erm.formats.columns import to_columns, to_scene
 
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix in DRAWINGS:
+    require_format(path)
+    if path.suffix.lower() in DRAWINGS:
         _draw(environment, path, height, margin, frequency)
     else:
         write, _ = _format_of(path)
@@ -73,13 +77,40 @@ def read_environment(path: Path | str) -> "Environment":
     from erm.formats.columns import to_environment
 
     path = Path(path)
-    _, read = _format_of(path)
     require_file(path)
+    suffix = path.suffix.lower()
+    if suffix in DRAWINGS:
+        raise DataError(f"{path}: a drawing, which is not read again; give the map it was made from")
+    if suffix not in MAPS:
+        raise DataError(f"{path}: unknown format {suffix!r}; expected a map: {', '.join(MAPS)}")
+    _, read = _format_of(path)
     try:
         return to_environment(*read(path))
     except DataError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else DataError(f"{path}: {text}") from error
+
+
+def require_format(path: Path) -> None:
+    """Refuse what `write_environment` cannot write, before there is anything to write.
+
+    Raises
+    ------
+    OptionError
+        The suffix names no format.
+    DataError
+        The format's library is missing.
+    """
+    require_suffix(path, *MAPS, *DRAWINGS)
+    suffix = path.suffix.lower()
+    if suffix == ".dxf":
+        from erm.formats import dxf
+
+        dxf.library(path)
+    elif suffix == ".gpkg":
+        from erm.formats import geopackage
+
+        geopackage.library(path)
 
 
 def _draw(environment: "Environment", path: Path, height: float, margin: float, frequency: float) -> None:
@@ -88,7 +119,7 @@ def _draw(environment: "Environment", path: Path, height: float, margin: float, 
     from erm.formats import dxf, mitsuba, obj, ply
 
     if not all(0 < value < inf for value in (height, margin, frequency)):
-        raise DataError(f"{path}: height {height}, margin {margin}, frequency {frequency}; expected positive numbers")
+        raise OptionError(f"{path}: height {height}, margin {margin}, frequency {frequency}; expected positive numbers")
     suffix = path.suffix.lower()
     if suffix == ".dxf":
         dxf.write(environment, path, height=height, margin=margin)
@@ -103,13 +134,13 @@ def _draw(environment: "Environment", path: Path, height: float, margin: float, 
 
 
 def _format_of(path: Path) -> tuple[Writer, Reader]:
-    """Return the pair (writer, reader) of a suffix; each format is imported when used."""
+    """Return the pair (writer, reader) of one of `MAPS`; each format is imported when used."""
     suffix = path.suffix.lower()
-    if suffix in (".h5", ".hdf5", ".nc"):
+    if suffix in HDF5:
         from erm.formats import hdf5
 
         return hdf5.write, hdf5.read
-    if suffix in (".geojson", ".json"):
+    if suffix in GEOJSON:
         from erm.formats import geojson
 
         return geojson.write, geojson.read
@@ -117,12 +148,6 @@ def _format_of(path: Path) -> tuple[Writer, Reader]:
         from erm.formats import geopackage
 
         return geopackage.write, geopackage.read
-    if suffix == ".csv":
-        from erm.formats import text
+    from erm.formats import text
 
-        return text.write, text.read
-    if suffix in DRAWINGS:
-        raise DataError(f"{path}: a drawing, which is not read again; give the map it was made from")
-    raise DataError(
-        f"{path}: unknown format {suffix!r}; choose .h5, .geojson, .gpkg or .csv, or to draw .dxf, .ply, .obj or .xml"
-    )
+    return text.write, text.read

@@ -17,7 +17,7 @@ def write(environment: Environment, path: Path, *, height: float, margin: float)
     On the layer ``walls`` lines at the foot of each wall, on ``poles`` circles that are extruded to the pole's
     height, on ``wall_faces``, ``ground`` and ``ceiling`` 3-D faces.
     """
-    ezdxf = require("ezdxf", "cad", f"{path}: DXF", "choose .obj or .geojson")
+    ezdxf = library(path)
     with _no_time_of_day(ezdxf):
         drawing = ezdxf.new("R2010", units=ezdxf.units.M)
         for colour, layer in enumerate(("walls", "wall_faces", "poles", "ground", "ceiling"), start=1):
@@ -49,3 +49,8 @@ def _no_time_of_day(ezdxf: ModuleType) -> Iterator[None]:
         yield
     finally:
         ezdxf.options.write_fixed_meta_data_for_testing = before
+
+
+def library(path: Path) -> ModuleType:
+    """Return ezdxf, or raise a DataError that says what brings it."""
+    return require("ezdxf", "cad", f"{path}: DXF", "choose .obj or .geojson")

@@ -20,7 +20,7 @@ LOCAL_METRES = 'LOCAL_CS["local metres",UNIT["metre",1],AXIS["east",EAST],AXIS["
 
 def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
     """Write one layer of lines and points; ground, ceiling and materials as its metadata."""
-    pyogrio = _pyogrio(path)
+    pyogrio = library(path)
     import shapely
 
     ends = np.stack([columns[name] for name in ENDS], axis=-1).reshape(-1, 2, 2)
@@ -45,7 +45,7 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     """Undo `write`; of a file drawn elsewhere, the first layer."""
-    pyogrio = _pyogrio(path)
+    pyogrio = library(path)
     import shapely
 
     try:
@@ -66,6 +66,7 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     return table_of_rows(rows), scene
 
 
-def _pyogrio(path: Path) -> ModuleType:
+def library(path: Path) -> ModuleType:
+    """Return pyogrio, or raise a DataError that says what brings it."""
     require("pyogrio.raw", "gis", f"{path}: GeoPackage", "choose .geojson")
     return require("pyogrio", "gis", f"{path}: GeoPackage", "choose .geojson")

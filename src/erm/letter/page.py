@@ -21,7 +21,8 @@ LEAST = 0.0001  # numbers nearer to zero are not told apart
 class Page:
     """Text, tables and numbered figures, written in the end.
 
-    A page of an earlier run is removed at the start, so that no page ever stands beside figures it does not belong to.
+    A page of an earlier run is removed with the first figure, so that no page ever stands beside figures it does not
+    belong to.
 
     Parameters
     ----------
@@ -29,22 +30,12 @@ class Page:
         Folder; figures go to ``figures`` in it.
     name : str
         Of the page's file.
-
-    Raises
-    ------
-    DataError
-        The folder cannot be made or written to.
     """
 
     def __init__(self, out: Path, name: str) -> None:
         self._out, self._target = out, out / name
         self._blocks: list[str] = []
         self._figures = 0
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            self._target.unlink(missing_ok=True)
-        except OSError as error:
-            raise DataError(f"{self._target}: cannot be written ({error.strerror}); choose a writable folder") from None
 
     def add(self, *paragraphs: str) -> None:
         """Add paragraphs, headings or lists of Markdown."""
@@ -60,12 +51,26 @@ class Page:
         """Save a figure as vector PDF and PNG, and show it with a numbered caption."""
         import matplotlib.pyplot as plt
 
+        self._outdate()
         for suffix in FORMATS:
             save_figure(drawn, self._out / "figures" / f"{name}.{suffix}")
         plt.close(drawn.get_figure(root=True))
         self._figures += 1
         link = f"![Figure {self._figures}](figures/{name}.png)"
         self._blocks.append(f"{link}\n\n*Figure {self._figures} ([PDF](figures/{name}.pdf)).* {caption}")
+
+    def file(self, name: str, text: str) -> None:
+        """Write a text beside the page."""
+        self._outdate()
+        with atomic_path(self._out / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+    def _outdate(self) -> None:
+        """Remove the page of an earlier run before the first figure or table that is not its own."""
+        try:
+            self._target.unlink(missing_ok=True)
+        except OSError as error:
+            raise DataError(f"{self._target}: cannot be written ({error.strerror}); choose a writable folder") from None
 
     def write(self) -> Path:
         """Write the page."""

@@ -21,7 +21,6 @@ from erm.letter import (
 )
 from erm.letter.captures import Campaign, Captures, Change, Remembered
 from erm.letter.page import Page
-from erm.storage import atomic_path
 
 PAGE = "letter.md"
 
@@ -60,7 +59,7 @@ def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.
         inside = corridor.from_inside(measurement, captures, progress=advance)
     by_route = routes.errors_by_route(studied)
     table = parity.rows(next(iter(sensed.values())), by_route, inside)
-    _tables(out, table)
+    _tables(page, table)
     sections.opening(page)
     parity.parity(page, table)
     sections.set_ups(page, simulation, measurement)
@@ -84,7 +83,7 @@ def _outlook(page: Page, campaign: Campaign, captures: Captures, knobs: Sequence
     outlook.motivation(page, prediction.predict(mpcs, dense, route, prediction.COUNTS), len(route.links))
 
 
-def _tables(out: Path, table: Sequence[parity.Row]) -> None:
+def _tables(page: Page, table: Sequence[parity.Row]) -> None:
     """Tables for other programs."""
     texts = {
         "parity.csv": parity.as_csv(table),
@@ -92,5 +91,4 @@ def _tables(out: Path, table: Sequence[parity.Row]) -> None:
         "reflection_points.csv": published.points_csv(),
     }
     for name, text in texts.items():
-        with atomic_path(out / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        page.file(name, text)

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from erm.geometry import FloatArray
-from erm.walls.extent import CLEARANCE, Footprint, Legs, footprint, legs_of, stretches
+from erm.walls.extent import CLEARANCE, TELLING, Footprint, Legs, footprint, legs_of, stretches
 from erm.walls.line import Frame, Lines
 from erm.walls.paths import BoolArray, IntArray
 from erm.walls.pieces import SOLID_GAP, as_lines, span
@@ -34,8 +34,9 @@ class Conflicts:
     """
 
     def __init__(self, walls: Sequence[Wall], sight: Legs, hopeful: BoolArray) -> None:
-        self.support = np.array([wall.support for wall in walls], dtype=np.int64)
         prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
+        walls = [wall.thinned(TELLING) for wall in walls]
+        self.support = np.array([wall.support for wall in walls], dtype=np.int64)
         legs = [sight, *(legs_of(wall) for wall in walls)]
         start, end = (np.vstack(ends) for ends in zip(*legs, strict=True))
         first = len(sight.start)

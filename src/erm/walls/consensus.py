@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from erm.walls.crowd import fewest_partners
 from erm.walls.fit import fit_lines
 from erm.walls.images import Images
 from erm.walls.line import Lines
@@ -50,29 +51,41 @@ def find_groups(
     if seeds is not None:
         enough &= seeds
     order = np.lexsort((paths.length, np.round(paths.loss, 6), -agreeing))
-    turns.take(order[enough[order]], lambda seeds, free: _from_seeds(images, seeds, partners, free), partners)
+    fewest = fewest_partners(images, agreeing)
+    enough &= agreeing >= fewest
+    left = images
+
+    def tried(seeds: IntArray, free: BoolArray) -> list[Trial[Group] | None]:
+        nonlocal left
+        left = left.without(free)
+        return _from_seeds(left, seeds, partners, fewest, free)
+
+    turns.take(order[enough[order]], tried, partners)
     return _reassigned(images, turns.found, min_support)
 
 
-def _from_seeds(images: Images, seeds: IntArray, partners: Ragged, free: BoolArray) -> list[Trial[Group]]:
-    """Groups that grow from seeds and their free partners."""
+def _from_seeds(
+    images: Images, seeds: IntArray, partners: Ragged, fewest: IntArray, free: BoolArray
+) -> list[Trial[Group] | None]:
+    """Groups that grow from seeds and their free partners, where these are not too few."""
     nothing = np.empty(0, dtype=np.int64)
-    trials: list[Trial[Group]] = [Trial(None, nothing)] * len(seeds)
+    trials: list[Trial[Group] | None] = [Trial(None, nothing)] * len(seeds)
     own = partners.take(seeds)
     own = own.kept(free[own.rows])
-    some = np.flatnonzero(own.sizes)
+    some = np.flatnonzero(own.sizes >= fewest[seeds])
     if len(some):
         lines, seen = best_starts(images, seeds[some], own.take(some), free)
-        for number, trial, before in zip(some.tolist(), _grown(images, lines, free), seen, strict=True):
-            trials[number] = Trial(trial.found, np.concatenate([before, trial.seen]))
+        for number, trial, before in zip(some.tolist(), _grown(images, lines, free, seeds[some]), seen, strict=True):
+            counted = own[number] if fewest[seeds[number]] > 1 else nothing
+            trials[number] = trial and Trial(trial.found, np.concatenate([before, trial.seen, counted]))
     return trials
 
 
-def _grown(images: Images, lines: Lines, free: BoolArray) -> list[Trial[Group]]:
-    """Groups that lines gather."""
-    lines, members, seen = settle(images, lines, free)
+def _grown(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None) -> list[Trial[Group] | None]:
+    """Groups that lines gather; None of those whose seeds an earlier one is likely to take."""
+    lines, members, seen, later = settle(images, lines, free, seeds)
     return [
-        Trial(Group(lines.one(number), own), before)
+        None if later[number] else Trial(Group(lines.one(number), own), before)
         for number, (own, before) in enumerate(zip(members, seen, strict=True))
     ]
 

@@ -1,13 +1,14 @@
 """Which of the common images are walls: the plausible are believed first, and what contradicts them is not."""
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
 
 from erm.geometry import angle_difference
 from erm.select import CONSISTENT_LOSS
-from erm.walls.chance import odds_against_chance
+from erm.walls.chance import accidental, odds_against_chance
 from erm.walls.conflicts import Conflicts
 from erm.walls.corners import corners_on
 from erm.walls.extent import Legs, Stretch
@@ -22,6 +23,7 @@ from erm.walls.wall import Wall
 TWIN_OFFSET = 0.02  # m; lines nearer than this, or than their errors, are one
 TWIN_ANGLE = 0.2  # degree
 CUTS = 2  # free paths through a wall that refute it; one may be a path taken for what it is not
+ASTRAY = 0.05  # of the support; a wall that many see has more such paths through it
 ROUNDS = 4  # of believing and doubting; two are the rule
 
 # Log odds of a common image to be a wall and not a chain off walls that nobody saw alone; see `plausibility`.
@@ -114,7 +116,7 @@ class Trial:
         others = believed.copy()
         others[wall] = False
         stronger = others & (self.rank < self.rank[wall])
-        if self.conflicts.blocked(wall, stronger) > 0.5 or self.conflicts.cuts(wall, stronger) >= CUTS:
+        if self.conflicts.blocked(wall, stronger) > 0.5 or self._is_cut(wall, stronger):
             return OBSTRUCTS
         if any(stronger[known] for known in self.betrayed_by[wall]):
             return CHAIN
@@ -125,6 +127,9 @@ class Trial:
         if key not in self._composed:
             self._composed[key] = composed_of(self.walls[wall], mirrors)
         return CHAIN if self._composed[key] else None
+
+    def _is_cut(self, wall: int, believed: BoolArray) -> bool:
+        return self.conflicts.cuts(wall, believed) >= max(CUTS, ASTRAY * self.conflicts.support[wall])
 
     def plausibility(self, wall: int, believed: BoolArray) -> float:
         """Log odds of a candidate that no single test refutes: its merit, less if believed ones may hide it.
@@ -171,7 +176,9 @@ def decide(candidates: Sequence[Wall], witnesses: Sequence[Wall], sight: Legs, l
     max_gap : float
         Reflection points on one line further apart are ends of different walls [m].
     """
-    trial = Trial(_without_twins(candidates, max_gap), witnesses, sight, max_gap)
+    by_chance = accidental(candidates)
+    accidents = [(wall, ACCIDENTAL) for wall in compress(candidates, by_chance)]
+    trial = Trial(_without_twins(list(compress(candidates, ~by_chance)), max_gap), witnesses, sight, max_gap)
     walls = trial.walls
     believed = np.zeros(len(walls), dtype=bool)
     for _ in range(ROUNDS):
@@ -183,7 +190,7 @@ def decide(candidates: Sequence[Wall], witnesses: Sequence[Wall], sight: Legs, l
     rejected = [(walls[i], trial.doubt(i, believed) or OBSTRUCTS) for i in np.flatnonzero(~believed).tolist()]
     chosen = sorted(np.flatnonzero(believed).tolist(), key=lambda i: (-walls[i].support, trial.rank[i]))
     kept = [walls[i] for i in chosen]
-    return Verdict(kept, pieces_of(kept, sight, links, max_gap), rejected)
+    return Verdict(kept, pieces_of(kept, sight, links, max_gap), rejected + accidents)
 
 
 def _turn_error(wall: Wall) -> float:

@@ -1,5 +1,6 @@
 """The images all paths point to, in a tree."""
 
+from copy import copy
 from itertools import chain
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ from scipy.spatial import cKDTree
 from erm.geometry import FloatArray, unit
 from erm.walls.grid import Grid
 from erm.walls.line import Lines
-from erm.walls.paths import IntArray, Paths
+from erm.walls.paths import BoolArray, IntArray, Paths
 from erm.walls.ragged import Ragged
 
 GATE = 13.8  # chi-squared of 2 degrees of freedom that one true path in a thousand exceeds
@@ -17,6 +18,7 @@ REACH = 4.0  # standard errors of azimuth within which an image is looked for
 NEIGHBOURS = 24  # nearest images looked at for partners of a seed
 LAYERS = (0.75, 0.97)  # shares of paths that are looked for in grids of their own, the surest first
 FEW = 1000  # paths that one grid is enough for
+BATCH = 65536  # paths whose neighbours are looked at in one go
 MARGIN = 1.25  # of what a path's own range departs from the line's
 
 
@@ -56,23 +58,36 @@ class Images:
         self.radius = REACH * float(self.across.max(initial=0.0) + self.along.max(initial=0.0))
         spread = self.across**2 + self.along**2
         edges = np.quantile(spread, LAYERS) if len(paths) > FEW else []
-        layer = np.searchsorted(edges, spread)
-        self.layers = []
-        for number in np.unique(layer):
-            rows = np.flatnonzero(layer == number)
-            most = float(spread[rows].max())
-            grid = Grid(self.points[rows], paths.transmitter[rows], MARGIN * float(np.sqrt(GATE * most)))
-            self.layers.append(Layer(rows, most, grid))
+        self._layer = np.searchsorted(edges, spread)
+        self.layers = self._layers(np.arange(len(paths)))
+
+    def without(self, free: BoolArray) -> "Images":
+        """Return the same images, of which `about` tells the free ones (path,) only; itself while most are."""
+        if 2 * np.count_nonzero(free) > sum(len(layer.rows) for layer in self.layers):
+            return self
+        fewer = copy(self)
+        fewer.layers = self._layers(np.flatnonzero(free))
+        return fewer
+
+    def _layers(self, rows: IntArray) -> list[Layer]:
+        layers = []
+        for number in np.unique(self._layer[rows]):
+            own = rows[self._layer[rows] == number]
+            most = float((self.across[own] ** 2 + self.along[own] ** 2).max())
+            grid = Grid(self.points[own], self.paths.transmitter[own], MARGIN * float(np.sqrt(GATE * most)))
+            layers.append(Layer(own, most, grid))
+        return layers
 
     def around(self, points: FloatArray, transmitter: IntArray, radius: FloatArray | float) -> Ragged:
         """Paths whose images lie within radii of points (n, 2), each of one transmitter (n,)."""
         return within(self.tree, np.column_stack([points, transmitter * self.apart]), radius)
 
-    def about(self, lines: Lines) -> tuple[IntArray, IntArray]:
+    def about(self, lines: Lines, gates: float = 1.0) -> tuple[IntArray, IntArray]:
         """Pairs (line, path) in which a path may agree with a line: its image lies near the line's of its transmitter.
 
         Of a path inside the gate, azimuth and length each depart from what the line predicts by no more than
         ``sqrt(GATE)`` standard errors, its own and the line's together, whose image has the covariance ``S C S'``.
+        ``gates`` widens the gate so many times.
         """
         tx, n = self.transmitters[:, :2], unit(lines.normal)
         depth = n @ tx.T - (lines.offset + np.sum(n * lines.pivot, axis=-1))[:, None]
@@ -86,10 +101,11 @@ class Images:
         )
         pairs = []
         for layer in self.layers:
-            radius = MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide))
-            near, path = layer.grid.within(images, front, np.minimum(radius, self.radius))
+            radius = gates * np.minimum(MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide)), self.radius)
+            near, path = layer.grid.within(images, front, radius)
             pairs.append((line[near], layer.rows[path]))
-        of, rows = zip(*pairs, strict=True)
+        nothing = np.empty(0, dtype=np.int64)
+        of, rows = zip((nothing, nothing), *pairs, strict=True)
         return np.concatenate(of), np.concatenate(rows)
 
     def partners(self) -> Ragged:
@@ -101,17 +117,20 @@ class Images:
         # neighbours one after another find the same part of the tree in the processor's cache
         order = self.tree.indices
         bound = max(radius, 1e-6)
-        near = np.empty((len(order), count), dtype=np.int64)
+        near = np.empty((len(order), count), dtype=np.int32)
         near[order] = self.tree.query(self.tree.data[order], k=count, distance_upper_bound=bound, workers=-1)[1]
-        first = np.repeat(np.arange(len(order)), count)
-        second = near.ravel()
-        kept = second < len(self.paths)
-        first, second = first[kept], second[kept]
-        kept = self.paths.link[first] != self.paths.link[second]
-        first, second = first[kept], second[kept]
-        apart = self.points[first] - self.points[second]
-        agree = _mahalanobis(apart, self.covariance[first] + self.covariance[second]) < GATE
-        return Ragged.of_pairs(first[agree], second[agree], len(self.paths))
+        sizes, rows = [], []
+        for first in range(0, len(order), BATCH):
+            some = near[first : first + BATCH]
+            path, place = np.nonzero(some < len(self.paths))
+            partner = some[path, place].astype(np.int64)
+            kept = self.paths.link[first + path] != self.paths.link[partner]
+            path, partner = path[kept], partner[kept]
+            apart = self.points[first + path] - self.points[partner]
+            agree = _mahalanobis(apart, self.covariance[first + path] + self.covariance[partner]) < GATE
+            sizes.append(np.bincount(path[agree], minlength=len(some)))
+            rows.append(partner[agree])
+        return Ragged(np.concatenate(rows), np.concatenate([[0], np.cumsum(np.concatenate(sizes))]))
 
 
 def within(tree: cKDTree, places: FloatArray, radius: FloatArray | float) -> Ragged:

@@ -7,7 +7,8 @@ import numpy as np
 import shapely
 
 from erm.geometry import FloatArray
-from erm.walls.extent import SOLID, Footprint, Legs, Stretch, expected_points, footprint, legs_of, stretches
+from erm.walls.extent import SOLID, TELLING, Footprint, Legs, Stretch, expected_places, footprint, legs_of, stretches
+from erm.walls.line import bounce_points
 from erm.walls.wall import Wall
 
 WITNESSES = 32  # links asked about a gap
@@ -39,10 +40,13 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
         return []
     prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
     spans = np.array([span(print_) for print_ in prints])
-    legs = [legs_of(wall) for wall in walls]
+    thinned = [wall.thinned(TELLING) for wall in walls]
+    legs = [legs_of(wall) for wall in thinned]
     start = np.vstack([sight.start, *(leg.start for leg in legs)])
     end = np.vstack([sight.end, *(leg.end for leg in legs)])
-    owner = np.r_[np.full(len(sight.start), -1), np.repeat(np.arange(len(walls)), [2 * wall.support for wall in walls])]
+    owner = np.r_[
+        np.full(len(sight.start), -1), np.repeat(np.arange(len(walls)), [2 * wall.support for wall in thinned])
+    ]
     hull, leg = shapely.STRtree(as_lines(start, end)).query(shapely.linestrings(spans), predicate="intersects")
     tree = shapely.STRtree(shapely.linestrings(spans))
     edges = np.searchsorted(hull, np.arange(len(walls) + 1))
@@ -70,15 +74,16 @@ def _silent(wall: Wall, number: int, prints: Sequence[Footprint], tree: shapely.
         np.diff(along).max(initial=0.0) <= SOLID
     ):  # between near reflection points the wall stands, whoever did not see it
         return np.empty(0)
-    front, points = expected_points(wall.line, links.tx, links.rx)
-    place = wall.line.along(points)
+    front, place = expected_places(wall.line, links.tx, links.rx)
     after = np.searchsorted(along, place)
-    length = np.linalg.norm(links.tx[front] - points, axis=-1) + np.linalg.norm(links.rx[front] - points, axis=-1)
-    # what is weaker than all that was seen may be in the noise
-    asked = (after > 0) & (after < len(along)) & (length <= wall.paths.length.max())
+    asked = (after > 0) & (after < len(along))
     asked[asked] = np.diff(along)[after[asked] - 1] > SOLID
     asked &= ~np.isin(front, wall.paths.link)
-    rows = np.flatnonzero(asked)
+    front, after = front[asked], after[asked]
+    points = bounce_points(wall.line, links.tx[front], links.rx[front])
+    length = np.linalg.norm(links.tx[front] - points, axis=-1) + np.linalg.norm(links.rx[front] - points, axis=-1)
+    # what is weaker than all that was seen may be in the noise
+    rows = np.flatnonzero(length <= wall.paths.length.max())
     rows = rows[np.lexsort((length[rows], after[rows]))]
     rank = np.arange(len(rows)) - np.searchsorted(after[rows], after[rows])
     rows = rows[rank < WITNESSES]

@@ -27,7 +27,7 @@ from erm.walls.wall import Wall
 
 REACH = 2.0  # m; members' points lie this near to a pole
 LEAST_LOSS = 6.0  # dB; a cylinder seen from farther than its radius loses more
-PLENTY = 4  # links; of fewer it is asked whether they agree by chance
+PLENTY = 4  # links; fewer must agree beyond all chance, as many where no such accident is expected
 RING = 10.0  # outer radius of the ring about a pole that is counted, in radii of the gate
 ACCIDENTS = 0.001  # poles that chance may be expected to make of as few links
 OFF_WALL = 0.5  # m; what is nearer to a wall is its roughness, or a pilaster
@@ -51,9 +51,6 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     paths = paths.take(rows)
     if len(paths) < min_support:
         return []
-    chain = np.full(len(paths), -1)
-    for number, group in enumerate(find_groups(paths, 3)):
-        chain[group.members] = number
     measured = paths.tx, paths.rx, paths.length, paths.azimuth
     points, _ = reflection_point(*measured)
     starts = Points(points, point_covariance(*measured, *errors(paths.rays)))
@@ -66,11 +63,16 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
         lambda seeds, free: _tried(paths, starts.take(seeds), near.take(seeds), free, min_support),
         near,
     )
+    most = [ACCIDENTS if len(pole.members) < PLENTY else 1.0 for pole in turns.found]
+    found = [pole for pole, limit in zip(turns.found, most, strict=True) if _accidents(paths, pole) <= limit]
+    if not found:
+        return []
+    chain = np.full(len(paths), -1)
+    for number, group in enumerate(find_groups(paths, 3)):
+        chain[group.members] = number
     standing = Standing(walls)
     poles: list[Pole] = []
-    for pole in turns.found:
-        if len(pole.members) < PLENTY and _accidents(paths, pole) > ACCIDENTS:
-            continue
+    for pole in found:
         of_chain = np.bincount(chain[pole.members] + 1)[1:].max(initial=0) >= len(pole.members) / 2
         if not of_chain and not standing.touch(pole) and not standing.hide(pole, paths.take(pole.members)):
             poles.append(pole)

@@ -56,9 +56,10 @@ class Ragged:
 
     def take(self, lists: IntArray) -> "Ragged":
         """Return some of the lists, in the order given; one may come twice."""
-        sizes = self.sizes[lists]
+        first = self.start[lists]
+        sizes = self.start[1:][lists] - first  # and not of all lists, which may be a million
         start = np.concatenate([[0], np.cumsum(sizes)])
-        return Ragged(self.rows[np.arange(start[-1]) + np.repeat(self.start[lists] - start[:-1], sizes)], start)
+        return Ragged(self.rows[np.arange(start[-1]) + np.repeat(first - start[:-1], sizes)], start)
 
     def kept(self, mask: BoolArray) -> "Ragged":
         """Return the lists without the rows that a mask (row,) leaves out."""

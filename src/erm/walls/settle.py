@@ -23,16 +23,24 @@ class Settled(NamedTuple):
     lines: Lines
     members: Ragged  # ascending; fewer than two where a line found nothing to agree with
     seen: Ragged  # paths that were gathered on the way: what became of the others makes no difference
+    later: BoolArray  # lines that were left alone, as an earlier one is likely to take their seeds
 
 
-def settle(images: Images, lines: Lines, free: BoolArray) -> Settled:
-    """Let lines gather the free paths that agree with them, and fit them to these, until they no longer change."""
+def settle(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None) -> Settled:
+    """Let lines gather the free paths that agree with them, and fit them to these, until they no longer change.
+
+    Those that start from ``seeds`` (line,) are only begun where an earlier one gathers the seed at once.
+    """
     count = len(lines.normal)
+    later = np.zeros(count, dtype=bool)
     going = np.arange(count)
     members: list[IntArray] = [np.empty(0, dtype=np.int64)] * count
     owners, rows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for turn in range(ROUNDS + 1):
         gathered, _ = gather(images, lines.take(going), free)
+        if turn == 0 and seeds is not None:
+            later = _taken_before(seeds, gathered, len(images.paths))
+            going, gathered = going[~later], gathered.take(np.flatnonzero(~later))
         owners.append(going[gathered.owner])
         rows.append(gathered.rows)
         settled = np.array(
@@ -51,7 +59,18 @@ def settle(images: Images, lines: Lines, free: BoolArray) -> Settled:
             break
     owner, row = np.concatenate(owners), np.concatenate(rows)
     order = np.argsort(owner, kind="stable")
-    return Settled(lines, Ragged.of_lists(members), Ragged.of_pairs(owner[order], row[order], count))
+    return Settled(lines, Ragged.of_lists(members), Ragged.of_pairs(owner[order], row[order], count), later)
+
+
+def _taken_before(seeds: IntArray, gathered: Ragged, count: int) -> BoolArray:
+    """Whether (line,) an earlier line that is not itself so gathered the seed of each, one of ``count`` paths."""
+    line_of = np.full(count, -1)
+    line_of[seeds] = np.arange(len(seeds))
+    by, of = gathered.owner, line_of[gathered.rows]
+    taken = np.zeros(len(seeds), dtype=bool)
+    for one, other in zip(by[of > by].tolist(), of[of > by].tolist(), strict=True):
+        taken[other] |= not taken[one]
+    return taken
 
 
 def gather(images: Images, lines: Lines, free: BoolArray) -> tuple[Ragged, FloatArray]:

@@ -4,7 +4,7 @@ What a trial finds depends on some paths being free. As long as none of these is
 trials are made ahead of their turn, and those that an earlier group has spoiled are made again.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -63,7 +63,7 @@ class Turns(Generic[F]):
     def take(
         self,
         order: IntArray,
-        trials: Callable[[IntArray, BoolArray], list[Trial[F]]],
+        trials: Callable[[IntArray, BoolArray], Sequence[Trial[F] | None]],
         partners: Ragged | None = None,
     ) -> None:
         """Let each have its turn.
@@ -73,7 +73,8 @@ class Turns(Generic[F]):
         order : array (turn,) of int
             Whose turn it is.
         trials : callable
-            What some of them (some,) would find while paths (path,) are free.
+            What some of them (some,) would find while paths (path,) are free; of all but the first None if they are
+            better tried later.
         partners : Ragged, optional
             If they are paths: those likely to be in one group with each. Paths that are taken lose their turn.
         """
@@ -83,7 +84,9 @@ class Turns(Generic[F]):
             if partners is not None:
                 order = order[self.free[order]]
             chosen = _ahead(order, waiting, many, partners if fruitful else None)
-            waiting |= zip(chosen, trials(np.array(chosen, dtype=np.int64), self.free), strict=True)
+            made = zip(chosen, trials(np.array(chosen, dtype=np.int64), self.free), strict=True)
+            tried = {one: trial for one, trial in made if trial is not None}
+            waiting |= tried
             done = gone = 0
             before = len(self.found)
             for one in order.tolist():
@@ -100,7 +103,7 @@ class Turns(Generic[F]):
                 if self.free[trial.seen].all() and (partners is None or self.free[one])
             }
             fruitful = len(self.found) - before > done / 2
-            many = min(2 * many, MANY) if done > 0.7 * len(chosen) else max(many // 2, FEW)
+            many = min(2 * many, MANY) if done > 0.7 * len(tried) else max(many // 2, FEW)
 
     def _keep(self, found: F | None) -> None:
         if found is not None and len(found.members) >= self._min_support:

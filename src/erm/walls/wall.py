@@ -44,6 +44,14 @@ class Wall:
         """Chi-squared (member,) of each path, the line taken as exact."""
         return chi_squared(self.paths.rays, residuals(self.paths.rays, self.line.frame()), (0.0, 0.0, 0.0))
 
+    def thinned(self, most: int) -> "Wall":
+        """Return the wall with at most so many of its paths, evenly along it: they tell where others pass as well."""
+        if self.support <= most:
+            return self
+        along = np.argsort(self.line.along(self.points), kind="stable")
+        kept = along[np.linspace(0, self.support - 1, most).astype(np.int64)]
+        return Wall(self.all_paths, self.line, self.members[np.sort(kept)])
+
     @property
     def strain(self) -> float:
         """Chi-squared a degree of freedom; far above 1 where the standard errors were too small."""

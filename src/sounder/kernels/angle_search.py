@@ -26,7 +26,11 @@ from sounder.kernels.view import (
 COST, HEARD = 3, 4
 """Columns of `Work.tried` after azimuth, elevation and amplitude: squared residuals, and the far beams' judgement."""
 PLAUSIBLE = 9.0
-"""Squared residuals, in variances, by which another direction may fit worse without being excluded: 3 deviations."""
+"""Squared residuals, in variances, at which the far beams exclude a direction: 3 deviations."""
+LIKELY = 6.0
+"""The same by which another direction is 20 times less likely, and no longer an error of the one chosen."""
+RARER = 4.0 / math.log(10.0)
+"""The same by which a path e times as strong is less likely beforehand: of every 10 dB more there are e times fewer."""
 TOLD = 4.0
 """Squared deviations by which the far beams must speak for another direction before they are believed: 2."""
 CLEARLY = 0.25
@@ -107,12 +111,13 @@ def _choose(b: int, view: View, work: Work, starts: int, outward: float, edge: f
     if best < 0:
         best = inside
     variance = _variance(view, work, b, tried[best, COST])
-    most = _total(work, best, variance) + PLAUSIBLE * variance
+    most = _total(work, best, variance) + LIKELY * variance
     row[ELEVATION_SPREAD] = row[AMPLITUDE_SPREAD] = 0.0
     for start in range(starts):
-        if _total(work, start, variance) < most:
+        ratio = math.log(tried[start, AMPLITUDE] / tried[best, AMPLITUDE])
+        if _total(work, start, variance) + RARER * ratio * variance < most:
             further = tried[start, ELEVATION] - tried[best, ELEVATION]
-            stronger = tried[best, AMPLITUDE] * math.log(tried[start, AMPLITUDE] / tried[best, AMPLITUDE])
+            stronger = tried[best, AMPLITUDE] * ratio
             if abs(further) > abs(row[ELEVATION_SPREAD]):
                 row[ELEVATION_SPREAD] = further
             if abs(stronger) > abs(row[AMPLITUDE_SPREAD]):

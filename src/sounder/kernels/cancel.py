@@ -16,15 +16,14 @@ from sounder.kernels.component import (
     BEAM,
     DELAY,
     ELEVATION,
-    LEFT_OVER,
     OFF_BORESIGHT,
     Beams,
     Real,
     Work,
 )
-from sounder.kernels.path import fit, fit_again, take
+from sounder.kernels.path import fit
 from sounder.kernels.peaks import LEVEL, OFFSET, Integers, Limits, Search, highest, mark, search_around, search_block
-from sounder.kernels.pulse import power_around
+from sounder.kernels.stage import Stage
 from sounder.kernels.view import REACH, View, aim, pattern
 
 TAKES, TOGETHER, PASSES = range(3)
@@ -34,7 +33,6 @@ SHARED = 6
 """Samples between two paths under which a fit of one has samples of the other in it."""
 
 
-@jit
 def cancel(
     beams: Beams, view: View, limits: Limits, effort: Integers, work: Work, search: Search, found: Real, taken: Beams
 ) -> tuple[int, bool]:
@@ -64,6 +62,24 @@ def cancel(
     complete : bool
         False where peaks were left when ``found`` was full.
     """
+    takes = bool(effort[TAKES])
+    fitter = fit.given(beams, view, limits.margin, work, found[0], taken, 0, takes)
+    return _cancel(beams, view, limits, effort, work, search, found, taken, takes, fitter)
+
+
+@jit
+def _cancel(
+    beams: Beams,
+    view: View,
+    limits: Limits,
+    effort: Integers,
+    work: Work,
+    search: Search,
+    found: Real,
+    taken: Beams,
+    takes: bool,
+    fitter: Stage,
+) -> tuple[int, bool]:
     n_beams, n_delays = beams.shape
     period = float(n_delays)
     n_blocks = search.peak.shape[1]
@@ -81,10 +97,9 @@ def cancel(
         row = found[count]
         row[BEAM], row[DELAY] = b, k
         row[ANEW] = 1.0
-        fit(beams, view, work, row)
-        if effort[TAKES]:
-            take(beams, view, limits.margin, work, row, taken, count)
-            row[LEFT_OVER] = power_around(beams, b, row[DELAY])
+        for each in range(n_beams):
+            taken[count, each] = 0
+        fitter(beams, view, limits.margin, work, row, taken, count, takes)
         mark(view, limits, work, search, row)
         for copy in range(limits.artefact.shape[0]):
             search_around(beams, limits, work, search, row[DELAY] + limits.artefact[copy, OFFSET])
@@ -99,7 +114,7 @@ def cancel(
             for i in range(count):
                 if _share(found[i], row, reach, period):
                     found[i, ANEW] = 0.0
-                    fit_again(beams, view, limits.margin, work, found[i], taken, i)
+                    fitter(beams, view, limits.margin, work, found[i], taken, i, takes)
         for i in range(count):
             if _share(found[i], row, reach, period):
                 search_around(beams, limits, work, search, found[i, DELAY])
@@ -108,7 +123,7 @@ def cancel(
     for turn in range(effort[PASSES]):
         for i in range(count):
             found[i, ANEW] = turn == 0
-            fit_again(beams, view, limits.margin, work, found[i], taken, i)
+            fitter(beams, view, limits.margin, work, found[i], taken, i, takes)
     return _keep(found, taken, count, view, limits, work, period), complete
 
 

@@ -38,10 +38,11 @@ PART = SETTINGS | {"pipeline_class": PartCompiler, "no_cpython_wrapper": True, "
 _setting = threading.Lock()
 
 
-def jit(function: Kernel) -> Kernel:
+def jit(function: Kernel, *, by_address: bool = False) -> Kernel:
     """Compile an entry point: releases the GIL, cached on disk when any directory can be written.
 
-    Call it with one signature only (see the module's docstring).
+    Call it with one signature only (see the module's docstring). ``by_address``: other compiled functions call it by
+    its address.
     """
     directory = cache_directory()
     if directory is None:
@@ -50,7 +51,7 @@ def jit(function: Kernel) -> Kernel:
         chosen = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(directory)
         try:
-            return numba.njit(cache=True, no_cfunc_wrapper=True, **ENTRY)(function)
+            return numba.njit(cache=True, no_cfunc_wrapper=not by_address, **ENTRY)(function)
         finally:
             numba.config.CACHE_DIR = chosen
 

@@ -30,11 +30,28 @@ from sounder.kernels.component import (
 from sounder.kernels.delay_fit import climb, magnitude_variance, measure, tune
 from sounder.kernels.far_beams import listen
 from sounder.kernels.pulse import add, match, power, power_around, sample
+from sounder.kernels.stage import Stage
 from sounder.kernels.view import NOISE, OVER, View, aim, pattern
 
 
+@Stage
+def fit(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int, takes: bool) -> None:
+    """Put path ``i`` back into the beams, fit it to what the others left and, if ``takes``, take it out again.
+
+    ``row`` and ``taken[i]`` hold the path; of one that is new, the beam, a first delay, and zeros.
+    """
+    first = sample(view.pulse, view.grid[OVER], row[DELAY], work.pulse)
+    for b in range(beams.shape[0]):
+        if taken[i, b] != 0:
+            add(beams, b, first, work.pulse, complex(taken[i, b]))  # in double precision, as `_take` adds it
+    _measure(beams, view, work, row)
+    if takes:
+        _take(beams, view, margin, work, row, taken, i)
+        row[LEFT_OVER] = power_around(beams, int(row[BEAM]), row[DELAY])
+
+
 @part
-def fit(beams: Beams, view: View, work: Work, row: Real) -> None:
+def _measure(beams: Beams, view: View, work: Work, row: Real) -> None:
     """Delay and angles from the beam that a path was found in and its neighbours, each given the other.
 
     ``row`` holds the beam and a first delay and, unless they are to be searched anew, the angles. With a phase of
@@ -70,7 +87,7 @@ def fit(beams: Beams, view: View, work: Work, row: Real) -> None:
 
 
 @part
-def take(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int) -> None:
+def _take(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int) -> None:
     """Take path ``i`` out of every beam in which the pattern lets it stand above a tenth of the noise."""
     first = tune(view, work, row[DELAY])
     first_of_pulse = sample(view.pulse, view.grid[OVER], row[DELAY], work.pulse)
@@ -90,15 +107,3 @@ def take(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: 
             amplitude = complex(amplitude.real * predicted / size, amplitude.imag * predicted / size)
         taken[i, b] = amplitude
         add(beams, b, first_of_pulse, work.pulse, -amplitude)
-
-
-@part
-def fit_again(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int) -> None:
-    """Put path ``i`` back and fit it to what the others left."""
-    first = sample(view.pulse, view.grid[OVER], row[DELAY], work.pulse)
-    for b in range(beams.shape[0]):
-        if taken[i, b] != 0:
-            add(beams, b, first, work.pulse, complex(taken[i, b]))  # in double precision, as `take` adds it
-    fit(beams, view, work, row)
-    take(beams, view, margin, work, row, taken, i)
-    row[LEFT_OVER] = power_around(beams, int(row[BEAM]), row[DELAY])

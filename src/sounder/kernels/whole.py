@@ -8,9 +8,10 @@ that look for what kernels do not use, closures and array expressions among them
 
 from typing import Any
 
-from numba import _dynfunc
+from numba import _dynfunc, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import NativeLowering
 
@@ -30,6 +31,10 @@ NEEDLESS = {
     "nopython_supported_feature_validation",
     "dump_parfor_diagnostics",
 }
+
+
+find_call_type = types.Function.get_call_type
+_call_types: dict[Any, Any] = {}
 
 
 class SettledFlags(Flags):
@@ -77,6 +82,16 @@ class EntryCompiler(CompilerBase):
         """Choose what does a pass's work."""
         return each
 
+    def compile_extra(self, function: Any) -> Any:
+        """Compile, with a memory for what types calls have."""
+        with global_compiler_lock:
+            before = types.Function.get_call_type
+            types.Function.get_call_type = remember_call_type
+            try:
+                return super().compile_extra(function)
+            finally:
+                types.Function.get_call_type = before
+
 
 class PartCompiler(EntryCompiler):
     """Compiler of functions that only compiled functions call."""
@@ -84,6 +99,21 @@ class PartCompiler(EntryCompiler):
     def chosen(self, each: tuple[type, str]) -> tuple[type, str]:
         """Have no machine code made."""
         return (PartLowering, each[1]) if each[0] is NativeLowering else each
+
+
+def remember_call_type(function: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+    """Type of a call, found once for each types of arguments.
+
+    Numba goes through all definitions of an operator at every place where it is used, a quarter of its work.
+    """
+    if arguments and isinstance(arguments[0], types.Array):  # numbers in the source have types of their own
+        arguments = tuple(map(types.unliteral, arguments))
+    call = function, tuple(arguments)
+    if named:
+        return find_call_type(function, context, arguments, named)
+    if call not in _call_types:
+        _call_types[call] = find_call_type(function, context, arguments, named)
+    return _call_types[call]
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)

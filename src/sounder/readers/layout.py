@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from erm.errors import DataError
-from sounder.config import Sounder, describe, parse
+from sounder.config import Sounder, parse
 from sounder.layout import Layout, Reference, Samples
 from sounder.readers.foreign import ForeignFile, foreign_file, opener
 from sounder.recording import BackToBack, Captures, Recording, check
+from sounder.toml import describe
 
 PLACE = ("position", "azimuth", "elevation", "direction")
 """Axes that tell where a capture was made."""
@@ -46,7 +47,7 @@ def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording |
         shape = _shape(file, layout.captures)
         positions = shape.get("position", 1)
         directions = (azimuth.size, elevation.size)
-        _require_grid(path, shape, directions)
+        _require_lengths(path, layout.captures, shape, directions, described.waveform.samples)
         tx = file.points(layout.positions.tx, positions, "positions.tx")
         rx = file.points(layout.positions.rx, positions, "positions.rx")
         los = file.lines_of_sight(layout.positions.los, positions, "positions.los")
@@ -153,7 +154,9 @@ def _described(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
                 try:
                     reference = Reference.model_validate(value)
                 except ValidationError as error:
-                    raise DataError(f"{file.path}: the layout's [sounder]: {key}: {describe(error)}") from None
+                    raise DataError(
+                        f"{file.path}: the layout's [sounder]: {key}: {describe(error, Reference)}"
+                    ) from None
                 label = f"sounder: {key}"
                 named = key == "name"
                 result[key] = file.text(reference, label) if named else file.numbers(reference, label).tolist()
@@ -195,7 +198,8 @@ def _shape(file: ForeignFile, block: Samples) -> dict[str, int]:
     node = file.node(block.dataset)
     if node.ndim != len(block.axes):
         raise DataError(
-            f"{file.path}: {block.dataset} has {node.ndim} axes {node.shape}; the layout names {len(block.axes)}"
+            f"{file.path}: {block.dataset} has {node.ndim} axes {node.shape}; the layout names {len(block.axes)}: "
+            f"{', '.join(block.axes)}"
         )
     shape = dict(zip(map(str, block.axes), node.shape, strict=True))
     if block.imaginary is not None and (other := file.node(block.imaginary).shape) != node.shape:
@@ -210,16 +214,23 @@ def _shape(file: ForeignFile, block: Samples) -> dict[str, int]:
     return shape
 
 
-def _require_grid(path: Path, shape: dict[str, int], directions: tuple[int, int]) -> None:
-    """Refuse a grid that is not the length of the captures' axes."""
+def _require_lengths(
+    path: Path, block: Samples, shape: Mapping[str, int], directions: tuple[int, int], samples: int
+) -> None:
+    """Refuse axes that have not the length of the grid or, where another one has it, of a capture."""
+    order = (
+        f"{block.dataset} is {tuple(shape.values())}, read as {', '.join(shape)}; "
+        "captures.axes must name the axes in the order in which the file stores them"
+    )
     for axis, length in zip(("azimuth", "elevation"), directions, strict=True):
         have = shape.get(axis, length if "direction" in shape else 1)
         if have != length:
-            raise DataError(f"{path}: {have} captures along {axis}, but the grid has {length} values")
+            raise DataError(f"{path}: {have} captures along {axis}, but the grid has {length} values; {order}")
     if "direction" in shape and shape["direction"] != directions[0] * directions[1]:
-        raise DataError(
-            f"{path}: {shape['direction']} directions, but the grid has {directions[0]} x {directions[1]} values"
-        )
+        wanted = f"{directions[0]} x {directions[1]}"
+        raise DataError(f"{path}: {shape['direction']} directions, but the grid has {wanted} values; {order}")
+    if shape["sample"] != samples and samples in shape.values():
+        raise DataError(f"{path}: {shape['sample']} samples a capture, but the sequence has {samples}; {order}")
 
 
 def _name(layout: Layout, path: Path, position: int) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.errors import DataError
-from erm.storage import require_file
+from erm.storage import damaged, require_file
 from sounder.config import Sounder, parse
 from sounder.recording import BackToBack, Captures, Recording, check
 
@@ -40,7 +40,7 @@ def opened(path: Path, expected: str = "a file of this software") -> Iterator[h5
     try:
         file = h5py.File(path, "r")
     except OSError as error:
-        raise DataError(f"{path}: damaged HDF5 file ({error})") from None
+        raise damaged(path, error) from None
     with file:
         yield file
 

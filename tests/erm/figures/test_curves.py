@@ -1,12 +1,17 @@
 """Curves show what they are given: distributions of errors, and means with their standard errors."""
 
+import dataclasses
+from itertools import pairwise
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from erm.figures import plot_error_cdf, plot_predictions
+from erm.figures import plot_error_cdf, plot_predictions, plot_sweeps
+from erm.letter.outcome import Outcome
 from erm.letter.prediction import Predicted, Prediction
+from erm.letter.sweeps import KNOBS, Sweep
 
 
 @pytest.fixture(autouse=True)
@@ -42,3 +47,17 @@ def test_a_prediction_stands_at_its_mean_with_its_standard_error():
     low, high = bars.get_segments()[0][:, 1]
     assert (high - low) / 2 == pytest.approx(0.2 / np.sqrt(3))  # s = 0.2, n = 3
     assert right.get_ylabel() == "RMS error of the power (dB)"
+
+
+def test_sweeps_fit_a_page_and_their_names_do_not_meet():
+    rng = np.random.default_rng(5)
+    fields = [field.name for field in dataclasses.fields(Outcome)]
+    made = [[[Outcome(**dict.fromkeys(fields, rng.random())) for _ in range(3)] for _ in knob.values] for knob in KNOBS]
+    figure = plot_sweeps([Sweep(knob, tuple(map(tuple, rows))) for knob, rows in zip(KNOBS, made, strict=True)])
+    width, height = figure.get_size_inches()
+    assert width < height < 12  # upright; A4 is 11.7 high
+    figure.canvas.draw()
+    boxes = [axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()]
+    assert len(boxes) == 3
+    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+    assert not any(a.get_tightbbox().overlaps(b.get_window_extent()) for a, b in pairwise(figure.axes[3:]))

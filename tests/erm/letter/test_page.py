@@ -7,6 +7,7 @@ import pytest
 
 from erm.errors import DataError
 from erm.letter.page import Page, cell
+from erm.storage import atomic_path
 
 
 def test_a_figure_is_written_as_vector_and_as_picture_and_shown_with_its_caption(tmp_path: Path):
@@ -37,13 +38,22 @@ def test_no_page_stands_until_all_is_done(tmp_path: Path):
     (tmp_path / "page.md").write_text("of an earlier run")
     page = Page(tmp_path, "page.md")
     page.add("half")
-    assert not (tmp_path / "page.md").exists()
+    assert (tmp_path / "page.md").read_text() == "of an earlier run"  # its figures are still its own
+    page.file("table.csv", "of this run")
+    assert [path.name for path in tmp_path.iterdir()] == ["table.csv"]
+
+
+def test_a_page_that_was_not_drawn_leaves_no_folder(tmp_path: Path):
+    Page(tmp_path / "letter", "page.md").add("half")
+    with pytest.raises(KeyboardInterrupt), atomic_path(tmp_path / "letter" / "figures" / "one.png"):
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="choose a writable folder"):
-        Page(tmp_path / "file" / "folder", "page.md")
+        Page(tmp_path / "file" / "folder", "page.md").file("table.csv", "")
 
 
 def test_numbers_are_told_to_three_digits():

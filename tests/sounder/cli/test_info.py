@@ -37,6 +37,21 @@ def test_info_tells_of_back_to_back_and_product(campaign, products, capsys):
     assert "0 directions missing" in told["health"]
 
 
+def test_info_tells_of_other_files_of_this_software(campaign, capsys):
+    assert run("info", campaign / "truth" / "paths.h5") == 0
+    told = facts(capsys)
+    assert told["kind"] == "Propagation paths of all positions, traced"
+    assert told["made by"] == "sounder simulate room"
+    assert " path" in told["holds"]
+
+
+def test_info_tells_how_much_of_a_file_is_there(copied, capsys):
+    whole = (copied / "RX1.h5").read_bytes()
+    (copied / "RX1.h5").write_bytes(whole[:5000])
+    assert run("info", copied / "RX1.h5") == 1
+    assert f"damaged HDF5 file (5000 of its {len(whole)} bytes); make or copy it anew" in capsys.readouterr().err
+
+
 def test_info_tells_of_a_foreign_file(campaign, joined, capsys):
     assert run("info", joined, "--layout", joined.with_name("layout.toml"), "--sounder", campaign / "sounder.toml") == 0
     out = capsys.readouterr().out

@@ -13,7 +13,7 @@ def test_a_product_never_replaces_its_recording(copied, capsys):
     assert run("process", copied / "RX1.h5", "--calibration", copied / "back-to-back.h5", "--out", copied) == 1
     assert "would replace an input; choose another --out" in capsys.readouterr().err
     assert digest(copied) == before
-    assert run("convert", copied / "RX1.h5", "--out", copied / "RX1.h5") == 1
+    assert run("convert", copied / "RX1.h5", "--out", copied / "RX1.h5") == 2
     assert digest(copied) == before
 
 
@@ -39,6 +39,9 @@ def test_two_positions_of_one_name_are_told(copied, capsys):
 def test_a_folder_that_cannot_be_written_is_told(copied, capsys):
     (copied / "file").write_text("in the way")
     b2b = copied / "back-to-back.h5"
-    assert run("process", copied / "RX1.h5", "--calibration", b2b, "--out", copied / "file") == 1
+    assert run("process", copied / "RX1.h5", "--calibration", b2b, "--out", copied / "file") == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith("file: is a file; choose a folder to write into")
+    for name in ("out.h5", "out.csv"):
+        assert run("process", copied / "RX1.h5", "--calibration", b2b, "--out", copied / name) == 2
+        assert "looks like a file; choose a folder" in capsys.readouterr().err

@@ -84,3 +84,12 @@ def test_what_cannot_be_scored_is_named_and_the_rest_is(campaign, processed, cap
     assert run("score", processed[0], "--truth", tmp_path / "none.h5") == 1
     assert run("score", processed[0], "--truth", campaign / "back-to-back.h5") == 1
     assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "wrong", [("--delay-gate", "nan"), ("--azimuth-gate", "-1"), ("--gain-gate", "0"), ("--dynamic-range", "nan")]
+)
+def test_gates_that_let_nothing_through_are_wrong_usage(campaign, processed, capsys, wrong):
+    assert run("score", processed[0], "--truth", campaign / "truth" / "paths.h5", *wrong) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"is {wrong[1]}" in line

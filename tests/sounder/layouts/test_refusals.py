@@ -19,11 +19,16 @@ from .captures import IQ, PLAIN, POSITIONS, change
         (change("2e-7", '{ dataset = "text" }'), "scale_factor: text holds no real numbers"),
         (change("2e-7", '{ dataset = "wrong" }'), "scale_factor is an array (5,); expected one finite number"),
         (change("2e-7", "0.0"), "scale_factor is 0; expected a positive number"),
-        (change(', "iq"', ""), "raw has 6 axes (2, 4, 3, 3, 254, 2); the layout names 5"),
+        (change(', "iq"', ""), "raw has 6 axes (2, 4, 3, 3, 254, 2); the layout names 5: position"),
         (change('"sample", "iq"', '"iq", "sample"'), "axis iq of raw has length 254; expected 2 (I, Q)"),
         (
             change("[10, 100, 190, 280]", "[10, 100, 190]"),
-            "4 captures along azimuth, but the grid has 3 values",
+            "4 captures along azimuth, but the grid has 3 values; raw is (2, 4, 3, 3, 254, 2), read as position, "
+            "azimuth, elevation, snapshot, sample, iq; captures.axes must name the axes in",
+        ),
+        (
+            change('"snapshot", "sample"', '"sample", "snapshot"'),
+            "3 samples a capture, but the sequence has 254; raw is",
         ),
         (change("[10, 100, 190, 280]", "[10, 100, 190, 370]"), "the grid names a direction twice"),
         (change("[10, 100, 190, 280]", '{ dataset = "nan" }'), "grid.azimuth is [0.0, nan, 0.0, 0.0]; expected"),
@@ -86,15 +91,19 @@ def test_samples_that_do_not_fit_the_description_are_told(opened):
     [
         (change("[grid]", "[grid]\ncolour = 1"), "grid.colour: unknown key"),
         (change('"iq"]', '"iq", "iq"]'), "captures: axes names one axis twice"),
-        (change('"sample"', '"samples"'), "captures.axes.4: "),
+        (change('"sample"', '"samples"'), "captures.axes.4 is 'samples'; expected 'position', 'azimuth'"),
         (change('"sample", ', ""), "captures: axes does not name sample"),
         (change('"position"', '"direction"'), "captures: axes names direction as well as azimuth or elevation"),
         (
             change('"raw"', '"raw"\nimaginary = "q"'),
             "captures: axes names iq, but I and Q stand in datasets of their own",
         ),
-        (change("2e-7", "{}"), "a reference names either a dataset or an attribute"),
-        (change("2e-7", "nan"), "scale_factor"),
+        (change("2e-7", "{}"), "scale_factor: found {}; expected a number, { dataset"),
+        (change("2e-7", "nan"), "scale_factor: found nan; expected a number"),
+        (
+            change("tx = [0, 0, 28.4]", "tx = [0, 0]"),
+            "positions.tx: found [0, 0]; expected three numbers, a list of such",
+        ),
         (change("tx = [0, 0, 28.4]\n", ""), "positions.tx: missing"),
         (change("[positions]", '[positions]\nname = "RX{place}"'), "positions: name is"),
         (

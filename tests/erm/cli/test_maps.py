@@ -1,51 +1,19 @@
-"""The command line: exit codes, one line an error, files whole or not at all."""
+"""The command line: MPCs to a map, a map to its score and its paths."""
 
 import hashlib
 import json
 import subprocess
 import sys
 import time
-from importlib.metadata import EntryPoint, version
+from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
 import pytest
-from scipy.constants import c
 
-from erm import cli
 from erm.environment import Environment
-from erm.geometry import azimuth_of, mirrored
-from erm.mpc_table import make_table, read_csv, write_csv
+from erm.mpc_table import read_csv
 
-TX = np.array([-40.0, 3.0, 12.0])
-WALL = (90.0, -9.0)  # y = -9
-
-
-@pytest.fixture
-def mpcs(tmp_path: Path) -> Path:
-    """Six positions along a street that see one wall."""
-    rx = np.column_stack([np.linspace(-20, 30, 6), np.linspace(-2, 4, 6), np.full(6, 1.5)])
-    tx = np.tile(TX, (6, 1))
-    seen = mirrored(tx, *WALL) - rx[:, :2]
-    length = np.hypot(np.linalg.norm(seen, axis=-1), TX[2] - 1.5)
-    gain = 20 * np.log10(c / 132e9 / (4 * np.pi * length)) - 6
-    table = make_table(
-        {"position": np.array([f"RX{i}" for i in range(6)]), "tx_position": tx, "rx_position": rx}
-        | {"frequency": 132e9, "delay": length / c, "azimuth": azimuth_of(seen), "path_gain": gain}
-    )
-    write_csv(table, tmp_path / "mpcs.csv")
-    return tmp_path / "mpcs.csv"
-
-
-def run(*arguments) -> int:
-    """Run the command in this process as a shell would."""
-    old, sys.argv = sys.argv, ["erm", *map(str, arguments)]
-    try:
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-    finally:
-        sys.argv = old
-    return int(stop.value.code or 0)
+from .commands import run
 
 
 def test_positions_are_added_to_a_map_file(tmp_path: Path, mpcs: Path, capsys):
@@ -58,7 +26,7 @@ def test_positions_are_added_to_a_map_file(tmp_path: Path, mpcs: Path, capsys):
     )
     assert "1 wall and 0 poles from 6 of 6 components" in capsys.readouterr().out
     assert (
-        run("reconstruct", tmp_path / "second.csv", "--add-to", tmp_path / "map.h5", "--out", tmp_path / "map.h5") == 1
+        run("reconstruct", tmp_path / "second.csv", "--add-to", tmp_path / "map.h5", "--out", tmp_path / "map.h5") == 2
     )
     assert "is an input, which would be replaced" in capsys.readouterr().err
 
@@ -133,120 +101,16 @@ def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
     assert (told["error"], told["count"], told["rmse"]) == ("walls: offset [m]", "1", "0.00312")
 
 
-def test_an_input_is_never_replaced(tmp_path: Path, mpcs: Path, capsys):
-    out = tmp_path / "map.csv"
-    assert run("reconstruct", mpcs, "--out", out) == 0
-    before = mpcs.read_bytes(), out.read_bytes()
-    capsys.readouterr()
-    ends = ("--tx", -40, 3, 12, "--rx", 0, 0, 1.5)
-    for arguments, path in (
-        (("reconstruct", mpcs, "--out", mpcs), mpcs),
-        (("reconstruct", mpcs, "--out", tmp_path / "other.h5", "--rps", mpcs), mpcs),
-        (("predict", out, *ends, "--out", out), out),
-        (("export", out, "--out", out, "--origin", 48, 11), out),
-    ):
-        assert run(*arguments) == 1
-        assert capsys.readouterr().err == f"{path}: is an input, which would be replaced; choose another output\n"
-    assert (mpcs.read_bytes(), out.read_bytes()) == before
-    assert run("predict", out, *ends, "--out", tmp_path / "paths.geojson") == 1
-    assert "suffix '.geojson' is not supported; choose .csv" in capsys.readouterr().err
-
-
 def test_no_path_is_said(tmp_path: Path, capsys):
     Environment.walls([[[-9, 5], [9, 5]]]).write(tmp_path / "map.h5")
     assert run("predict", tmp_path / "map.h5", "--tx", 0, 0, 9, "--rx", 0, 9, 2) == 0
     assert capsys.readouterr().err == "no path of at most 2 reflections from TX to RX\n"
 
 
-def test_a_suffix_that_is_not_known_is_told_before_anything_is_written(tmp_path: Path, mpcs: Path, capsys):
-    out = tmp_path / "map.h5"
-    for option, name in (("--rps", "points.xlsx"), ("--figure", "map.docx"), ("--figure", "map")):
-        assert run("reconstruct", mpcs, "--out", out, option, tmp_path / name) == 1
-        assert capsys.readouterr().err.startswith(
-            f"{tmp_path / name}: the suffix {Path(name).suffix!r} is not supported"
-        )
-    assert not out.exists()
-
-
-def test_the_letter_asks_for_an_instrument_where_none_is_installed(tmp_path: Path, capsys, monkeypatch):
-    monkeypatch.setattr("erm.letter.captures.entry_points", lambda group: ())
-    assert run("letter", "--out", tmp_path / "letter") == 1
-    error = capsys.readouterr().err
-    assert error.startswith("entry point erm.captures: ")
-    assert "pip install sounder-to-map" in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "letter").exists()
-
-
-def test_an_instrument_that_cannot_be_imported_is_named_in_one_line(tmp_path: Path, capsys, monkeypatch):
-    twin = EntryPoint("twin", "no_such_instrument.captures", "erm.captures")
-    monkeypatch.setattr("erm.letter.captures.entry_points", lambda group: (twin,))
-    assert run("letter", "--out", tmp_path / "letter") == 1
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert "no_such_instrument.captures makes the captures" in told
-    assert not (tmp_path / "letter").exists()
-
-
-def test_a_bad_file_is_named_the_rest_is_done_and_the_exit_code_is_1(tmp_path: Path, mpcs: Path, capsys):
-    with mpcs.open("a") as file:
-        file.write("RX9,,-40,3,12,nan,0,1.5,132e9,3e-7,0,,-110\n")
-    out = tmp_path / "map.h5"
-    assert run("reconstruct", tmp_path / "none.csv", mpcs, "--out", out) == 1
-    printed = capsys.readouterr()
-    assert printed.err.splitlines() == [
-        f"{tmp_path / 'none.csv'}: no such file",
-        f"{mpcs}: 1 of 7 rows dropped: rx_x is not a number (first: line 8)",
-    ]
-    assert Environment.read(out).reflectors.sizes["reflector"] == 1
-
-
-def test_nothing_usable_writes_nothing(tmp_path: Path, capsys):
-    out = tmp_path / "map.h5"
-    assert run("reconstruct", tmp_path / "none.csv", "--out", out) == 1
-    assert "not written" in capsys.readouterr().err
-    assert not out.exists()
-
-
 def test_no_components_are_an_empty_map(tmp_path: Path, mpcs: Path):
     mpcs.write_text(mpcs.read_text().splitlines()[0] + "\n")
     assert run("reconstruct", mpcs, "--out", tmp_path / "map.csv") == 0
     assert Environment.read(tmp_path / "map.csv").reflectors.sizes["reflector"] == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 3], "TX and RX are both at"),
-        (["predict", "{none}", "--tx", 1, 2, 3, "--rx", 4, 2, 3], "no such file"),
-        (["evaluate", "{map}", "--outline", "{none}"], "none.h5: "),
-        (["evaluate", "{none}", "{mpcs}", "--leave-one-out"], "none.h5: "),
-        (["reconstruct", "{mpcs}", "--out", "{map}.xyz"], "unknown format"),
-        (["reconstruct", "{mpcs}", "--out", "{map}", "--figure", "{map}.xyz"], "not supported"),
-    ],
-)
-def test_an_error_is_one_line(tmp_path: Path, mpcs: Path, capsys, arguments, complaint):
-    names = {"map": tmp_path / "map.h5", "none": tmp_path / "none.h5", "mpcs": mpcs}
-    Environment.walls([[[0, 0], [1, 0]]]).write(names["map"])
-    assert run(*(str(argument).format(**names) for argument in arguments)) == 1
-    error = capsys.readouterr().err
-    assert complaint in error
-    assert error.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["reconstruct"],
-        ["predict", "m.h5", "--tx", 1, 2],
-        ["letter"],
-        ["wrong"],
-        ["evaluate", "m.h5"],
-        ["evaluate", "m.h5", "mpcs.csv", "--outline", "o.geojson", "--leave-one-out"],
-    ],
-)
-def test_wrong_usage_exits_with_2(arguments):
-    assert run(*arguments) == 2
 
 
 def test_version_and_a_line_for_each_command(monkeypatch, capsys):

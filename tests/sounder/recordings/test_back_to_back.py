@@ -1,0 +1,55 @@
+"""Back-to-back files give back what was put in, and are refused where they do not fit."""
+
+import h5py
+import numpy as np
+import pytest
+
+from erm.errors import DataError
+from sounder import twin
+from sounder.readers import native
+from sounder.writer import write_back_to_back
+
+from .files import IQ, edit
+
+
+@pytest.mark.parametrize("attenuator", [60.0, (np.linspace(131e9, 133e9, 5), np.linspace(1, 2, 5) * 1e-3j)])
+def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
+    made = twin.back_to_back(sounder, attenuator, snapshots=2)
+    write_back_to_back(made, tmp_path / "b2b.h5", history="test")
+    back = native.back_to_back(tmp_path / "b2b.h5")
+    assert np.array_equal(back.captures, made.captures)
+    assert back.captures.dtype == np.int16
+    for name in ("sounder", "scale_factor", "attenuation", "includes_tx_antenna"):
+        assert getattr(back, name) == getattr(made, name), name
+    assert (back.s21 is None) == (made.s21 is None)
+    if back.s21 is not None and made.s21 is not None:
+        assert np.array_equal(back.s21, made.s21)
+
+
+@pytest.mark.parametrize(
+    ("datasets", "told"),
+    [
+        ({"iq": None}, "no iq in the file"),
+        ({"iq": IQ[0, 0, 0]}, "expected int16 (snapshot, sample, 2)"),
+        ({"attenuator_frequency": None}, "no attenuator_frequency in the file"),
+        ({"attenuator_frequency": [1.0, 3.0, 2.0, 4.0, 5.0]}, "attenuator_frequency does not rise"),
+        ({"attenuator_s21": np.ones(5)}, "attenuator_s21 has shape (5,); expected (5, 2)"),
+    ],
+)
+def test_a_back_to_back_that_does_not_fit_is_told(tmp_path, sounder, datasets, told):
+    path = tmp_path / "b2b.h5"
+    measured = np.linspace(131e9, 133e9, 5), np.ones(5) * 1e-3j
+    write_back_to_back(twin.back_to_back(sounder, measured, snapshots=2), path, history="test")
+    edit(path, **datasets)
+    with pytest.raises(DataError) as error:
+        native.back_to_back(path)
+    assert told in str(error.value)
+
+
+def test_a_back_to_back_without_its_loss_is_refused(tmp_path, sounder):
+    path = tmp_path / "b2b.h5"
+    write_back_to_back(twin.back_to_back(sounder, 60.0, snapshots=2), path, history="test")
+    with h5py.File(path, "r+") as file:
+        del file.attrs["attenuation"]
+    with pytest.raises(DataError, match="expected the loss of the attenuator in dB"):
+        native.back_to_back(path)
