@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sounder.antenna import Pattern
 from sounder.calibration import Deembedding
+from sounder.fitted import turn, write_path
 from sounder.joint_fit import COLUMNS, PHASE, Fit, Window, fit, phases
 from sounder.kernels import component
 from sounder.matched import OVER
@@ -109,10 +110,10 @@ def refine(found: Real, taken: NDArray[np.complexfloating], pair: Integers, scan
         result = _together(group, found, taken, scan)
         if result is None:
             continue
-        best, first, middle = result
+        best, first = result
         rows = np.zeros((len(best.paths), component.COLUMNS))
         rows[: group.size] = found[group]
-        _write(rows, best, first, middle, scan)
+        _write(rows, best, first, scan)
         number = pair.max(initial=-1) + 1
         found[group], pair[group] = rows[: group.size], number
         added.append((rows[group.size :], number))
@@ -121,15 +122,11 @@ def refine(found: Real, taken: NDArray[np.complexfloating], pair: Integers, scan
     return found, pair
 
 
-def _turn(angle: Real) -> Real:
-    return (angle + 180) % 360 - 180
-
-
 def _groups(found: Real, scan: Scan) -> Iterator[Integers]:
     """MPCs that share samples, the closest tied first."""
     delay, azimuth = found[:, component.DELAY], found[:, component.AZIMUTH]
     i, j = np.triu_indices(len(found), 1)
-    apart = np.hypot(scan.since(delay[i], delay[j]) / LATE, _turn(azimuth[i] - azimuth[j]) / (ASIDE * scan.widths[0]))
+    apart = np.hypot(scan.since(delay[i], delay[j]) / LATE, turn(azimuth[i] - azimuth[j]) / (ASIDE * scan.widths[0]))
     group = np.arange(len(found))
     for tie in np.argsort(apart)[: int(np.sum(apart < 1))]:
         one, other = group[i[tie]], group[j[tie]]
@@ -140,19 +137,17 @@ def _groups(found: Real, scan: Scan) -> Iterator[Integers]:
         yield members[np.argsort(-found[members, component.AMPLITUDE])]
 
 
-def _together(
-    group: Integers, found: Real, taken: NDArray[np.complexfloating], scan: Scan
-) -> tuple[Fit, int, float] | None:
-    """Fit a group; None if phases of their own explain it better. With the window's first sample and middle azimuth."""
+def _together(group: Integers, found: Real, taken: NDArray[np.complexfloating], scan: Scan) -> tuple[Fit, int] | None:
+    """Fit a group; None if phases of their own explain it better. With the window's first sample."""
     rows = found[group]
     late = scan.since(rows[:, component.DELAY], rows[0, component.DELAY])
     first = int(np.floor(rows[0, component.DELAY] + late.min())) - PAD
     window = scan.window(int(np.ceil(np.ptp(late))) + 2 * PAD + 2)
-    aside = _turn(rows[:, component.AZIMUTH] - rows[0, component.AZIMUTH])
+    aside = turn(rows[:, component.AZIMUTH] - rows[0, component.AZIMUTH])
     middle = rows[0, component.AZIMUTH] + (aside.min() + aside.max()) / 2
     beams, which = _beams(group, found, taken, first, middle, window, scan)
     paths = np.zeros((group.size, COLUMNS))
-    paths[:, AZIMUTH] = middle + _turn(rows[:, component.AZIMUTH] - middle)
+    paths[:, AZIMUTH] = middle + turn(rows[:, component.AZIMUTH] - middle)
     paths[:, ELEVATION], paths[:, LEVEL] = rows[:, component.ELEVATION], np.log(rows[:, component.AMPLITUDE])
     paths[:, DELAY] = scan.since(rows[:, component.DELAY], first)
     paths[:, PHASE] = phases(paths, beams, window, scan.cuts)
@@ -168,7 +163,7 @@ def _together(
         if more is None:
             break
         best = more
-    return best, first, middle
+    return best, first
 
 
 def _beams(
@@ -182,7 +177,7 @@ def _beams(
 ) -> tuple[Beams, Integers]:
     """Beams about a group, less other MPCs, with what is left of these and not known of the pattern as noise."""
     looks = scan.looks[scan.recorded]
-    aside = np.abs(_turn(looks[:, 0] - found[group, component.AZIMUTH, None])).min(axis=0)
+    aside = np.abs(turn(looks[:, 0] - found[group, component.AZIMUTH, None])).min(axis=0)
     which = scan.recorded[aside <= AROUND * scan.widths[0]]
     size = window.whitener.shape[1]
     samples = np.arange(size)
@@ -202,7 +197,7 @@ def _beams(
     error = KNOWN[0] + KNOWN[1] * np.log(power.max() / power)
     vague = 1 + 2 * error**2 * power
     looks = scan.looks[which].copy()
-    looks[:, 0] = middle + _turn(looks[:, 0] - middle)
+    looks[:, 0] = middle + turn(looks[:, 0] - middle)
     return Beams(looks, noise * vague, data / np.sqrt(vague)[:, None]), which
 
 
@@ -276,24 +271,17 @@ def _gains(paths: Real, scan: Scan) -> Real:
     return np.asarray(scan.pattern.beam_gain(*toward, *scan.looks[scan.recorded].T))
 
 
-def _write(rows: Real, best: Fit, first: int, middle: float, scan: Scan) -> None:
+def _write(rows: Real, best: Fit, first: int, scan: Scan) -> None:
     """Write paths as `found` has them; what other directions they do not exclude stays."""
     g = 10 ** (_gains(best.paths, scan) / 20)
     beam = np.argmax(g, axis=1)
     every = best.covariance
     for p, (row, path) in enumerate(zip(rows, best.paths, strict=True)):
         own = every[COLUMNS * p : COLUMNS * (p + 1), COLUMNS * p : COLUMNS * (p + 1)]
-        amplitude = np.exp(path[LEVEL])
+        sees = scan.recorded[beam[p]]
+        write_path(row, path, own, best.misfit, (sees, g[p, beam[p]], scan.noise[sees] * scan.spread))
+        row[component.DELAY], row[component.LEFT_OVER] = (first + path[DELAY]) % scan.beams.shape[1], 0.0
         up, stronger = row[component.ELEVATION_SPREAD], row[component.AMPLITUDE_SPREAD]
-        row[component.DELAY] = (first + path[DELAY]) % scan.beams.shape[1]
-        row[component.AZIMUTH], row[component.ELEVATION] = path[AZIMUTH], path[ELEVATION]
-        row[component.AMPLITUDE] = amplitude
-        row[component.VAR_AZIMUTH] = own[AZIMUTH, AZIMUTH]
-        row[component.VAR_ELEVATION] = own[ELEVATION, ELEVATION] + up**2
-        row[component.VAR_AMPLITUDE] = own[LEVEL, LEVEL] * amplitude**2 + stronger**2
-        row[component.AZIMUTH_ELEVATION] = own[AZIMUTH, ELEVATION]
-        row[component.AZIMUTH_AMPLITUDE] = own[AZIMUTH, LEVEL] * amplitude
-        row[component.ELEVATION_AMPLITUDE] = own[ELEVATION, LEVEL] * amplitude + up * stronger
-        row[component.MISFIT], row[component.LEFT_OVER] = best.misfit, 0.0
-        row[component.BEAM], row[component.OFF_BORESIGHT] = scan.recorded[beam[p]], g[p, beam[p]]
-        row[component.ENERGY] = scan.noise[scan.recorded[beam[p]]] * scan.spread / (amplitude**2 * own[DELAY, DELAY])
+        row[component.VAR_ELEVATION] += up**2
+        row[component.VAR_AMPLITUDE] += stronger**2
+        row[component.ELEVATION_AMPLITUDE] += up * stronger

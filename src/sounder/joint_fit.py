@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sounder.matched import OVER, Matched
-from sounder.pair_fit import AZIMUTH, DELAY, ELEVATION, LEVEL, RANK, Beams
+from sounder.pair_fit import AZIMUTH, DELAY, ELEVATION, LEVEL, Beams
 from sounder.pattern_slopes import Cuts, slopes
+from sounder.whitening import whitener
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -57,10 +58,7 @@ class Window:
     def of(cls, matched: Matched, noise: Real, size: int) -> "Window":
         """Tables for ``size`` samples in noise of a density (sample,), mean 1."""
         lags = np.arange(size)
-        together = np.fft.ifft(noise)[lags[:, None] - lags]
-        value, vector = np.linalg.eigh(together)
-        kept = value > RANK * value.max()
-        white = (vector[:, kept] / np.sqrt(value[kept])).conj().T
+        white = whitener(noise, size)
         point = matched.pulse.size // 2 + OVER * lags - COARSE * np.arange((size - 1) * OVER // COARSE + 1)[:, None]
         inside = (point >= 0) & (point < matched.pulse.size)
         pulse = np.where(inside, matched.pulse[np.where(inside, point, 0)], 0) @ white.T

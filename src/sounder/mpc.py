@@ -20,6 +20,7 @@ from sounder.kernels.cancel import PASSES, TAKES, cancel
 from sounder.kernels.peaks import Limits, search_of
 from sounder.kernels.view import View, beams_of, table_of
 from sounder.matched import OVER, Matched
+from sounder.one_thread import one_thread
 from sounder.overlap import widening
 from sounder.pairs import split
 from sounder.ridge import with_ridge
@@ -41,6 +42,7 @@ LOCATED = 3.0
 """How far over the pattern's sidelobes a path must stand in its beam for its angle to be believed [dB]."""
 
 
+@one_thread()
 def extract(
     cir: xr.Dataset,
     filter_: Deembedding,

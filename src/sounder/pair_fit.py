@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from sounder.antenna import Pattern
 from sounder.matched import OVER, Matched
 from sounder.pattern_slopes import Cuts, slopes
+from sounder.whitening import whitener
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -38,8 +39,6 @@ SAMPLES = 6
 """Samples to each side of the delay."""
 REACH = 1.0
 """How far from the middle sample a path may be [sample]."""
-RANK = 1e-3
-"""Share of the most noise under which a combination of samples holds none."""
 FAINT = 0.1
 """Share of the most strength under which a combination of samples tells nothing of pulses within reach."""
 UNLIKE = np.log(2) / 2
@@ -71,10 +70,7 @@ class Samples:
     def of(cls, matched: Matched, noise: Real) -> "Samples":
         """Tables for noise of a density (sample,), mean 1."""
         lags = np.arange(2 * SAMPLES + 1)
-        together = np.fft.ifft(noise)[lags[:, None] - lags]
-        value, vector = np.linalg.eigh(together)
-        kept = value > RANK * value.max()
-        white = (vector[:, kept] / np.sqrt(value[kept])).conj().T
+        white = whitener(noise, lags.size)
         middle = matched.pulse.size // 2
         points = np.arange(-int(REACH * OVER), int(REACH * OVER) + 1)
         pulses = matched.pulse[middle + OVER * (lags - SAMPLES) - points[:, None]] @ white.T

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from sounder.antenna import Pattern
 from sounder.calibration import Deembedding
+from sounder.fitted import turn, write_path
 from sounder.kernels import component
 from sounder.matched import OVER
 from sounder.pair_choice import Two, one_misses, two_fit
@@ -85,7 +86,7 @@ def split(
     kept, pair, pairs, sums, tries = np.ones(len(found), bool), np.full(len(found), -1), [], [], 0
     for group in _groups(found, widths[0]):
         strongest = found[group[0]]
-        aside = _turn(found[group, component.AZIMUTH] - strongest[component.AZIMUTH])
+        aside = turn(found[group, component.AZIMUTH] - strongest[component.AZIMUTH])
         middle = strongest[component.AZIMUTH] + (aside.min() + aside.max()) / 2
         first = int(np.floor(strongest[component.DELAY] + 0.5))
         late = (found[:, component.DELAY] - first + beams.shape[1] / 2) % beams.shape[1] - beams.shape[1] / 2
@@ -93,7 +94,7 @@ def split(
         power = (noise + _remains(late, found, taken, looks, widths[0]))[recorded]
         data = _restored(first, recorded, late, taken, beams, filter_) @ sight.samples.whitener.T
         around = looks[recorded].copy()
-        around[:, 0] = middle + _turn(around[:, 0] - middle)
+        around[:, 0] = middle + turn(around[:, 0] - middle)
         seen = Beams(around, power, data / np.sqrt(power)[:, None])
         one = one_misses(_path(strongest, middle, first), middle, seen, sight)
         if one is None:
@@ -116,14 +117,10 @@ def split(
 def _path(row: Real, middle: float, first: int) -> Real:
     """Parameters of a fit from a row of `found`."""
     path = np.empty(4)
-    path[AZIMUTH] = middle + _turn(row[component.AZIMUTH] - middle)
+    path[AZIMUTH] = middle + turn(row[component.AZIMUTH] - middle)
     path[ELEVATION], path[LEVEL] = row[component.ELEVATION], np.log(row[component.AMPLITUDE])
     path[DELAY] = row[component.DELAY] - first
     return path
-
-
-def _turn(angle: Real) -> Real:
-    return (angle + 180) % 360 - 180
 
 
 def _groups(found: Real, width: float) -> Iterator[Integers]:
@@ -132,7 +129,7 @@ def _groups(found: Real, width: float) -> Iterator[Integers]:
     while left.size:
         row = found[left[0]]
         late = np.abs(found[left, component.DELAY] - row[component.DELAY]) < TOGETHER
-        aside = np.abs(_turn(found[left, component.AZIMUTH] - row[component.AZIMUTH])) < ASIDE * width
+        aside = np.abs(turn(found[left, component.AZIMUTH] - row[component.AZIMUTH])) < ASIDE * width
         yield left[late & aside]
         left = left[~(late & aside)]
 
@@ -140,7 +137,7 @@ def _groups(found: Real, width: float) -> Iterator[Integers]:
 def _remains(late: Real, found: Real, taken: NDArray[np.complexfloating], looks: Real, width: float) -> Real:
     """Power (beam,) that MPCs at about the delay may have left in each beam: little of what a main lobe lets in."""
     others = np.flatnonzero(np.abs(late) < SAMPLES)
-    aside = np.abs(_turn(looks[:, 0] - found[others, component.AZIMUTH, None]))
+    aside = np.abs(turn(looks[:, 0] - found[others, component.AZIMUTH, None]))
     share = np.where(aside < LOBE * width, LEFTOVER, 1.0)
     power: Real = np.sum((share * np.abs(taken[others])) ** 2, axis=0)
     return power
@@ -180,18 +177,9 @@ def _rows(
     for p, (row, path) in enumerate(zip(rows, two.paths, strict=True)):
         g = 10 ** (sight.pattern.beam_gain(path[AZIMUTH], path[ELEVATION], *seen.looks.T) / 20)
         best = int(np.argmax(g))
-        amplitude = np.exp(path[LEVEL])
-        if (amplitude * g[best]) ** 2 < threshold[best]:
+        if (np.exp(path[LEVEL]) * g[best]) ** 2 < threshold[best]:
             return None
         own = two.covariance[4 * p : 4 * p + 4, 4 * p : 4 * p + 4]
+        write_path(row, path, own, two.misfit, (which[best], g[best], seen.noise[best] * spread))
         row[component.DELAY] = first + path[DELAY]
-        row[component.AZIMUTH], row[component.ELEVATION] = path[AZIMUTH], path[ELEVATION]
-        row[component.AMPLITUDE] = amplitude
-        row[component.VAR_AZIMUTH], row[component.VAR_ELEVATION] = own[AZIMUTH, AZIMUTH], own[ELEVATION, ELEVATION]
-        row[component.VAR_AMPLITUDE] = own[LEVEL, LEVEL] * amplitude**2
-        row[component.AZIMUTH_ELEVATION] = own[AZIMUTH, ELEVATION]
-        row[component.AZIMUTH_AMPLITUDE] = own[AZIMUTH, LEVEL] * amplitude
-        row[component.ELEVATION_AMPLITUDE] = own[ELEVATION, LEVEL] * amplitude
-        row[component.MISFIT], row[component.BEAM], row[component.OFF_BORESIGHT] = two.misfit, which[best], g[best]
-        row[component.ENERGY] = seen.noise[best] * spread / (amplitude**2 * own[DELAY, DELAY])
     return rows
