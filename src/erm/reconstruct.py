@@ -17,8 +17,7 @@ from erm.walls.extent import MOST_MARGIN, Legs, ends_of
 from erm.walls.loss import refractive_index_squared
 from erm.walls.paths import IntArray, Paths
 from erm.walls.pieces import Links
-from erm.walls.poles import find_poles
-from erm.walls.scatterers import Pole
+from erm.walls.poles import Pole, find_poles
 from erm.walls.search import joined, search
 from erm.walls.turns import Group
 from erm.walls.wall import Wall

@@ -5,40 +5,49 @@ tells its radius, for the wave spreads behind a convex face the more the thinner
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
-from scipy.special import gammainc
 
-from erm.geometry import point_covariance, reflection_point
-from erm.walls.chance import UNSEEN
+from erm.geometry import FloatArray, point_covariance, reflection_point
+from erm.walls.chance import THOUSAND
 from erm.walls.conflicts import BEYOND
-from erm.walls.consensus import find_groups
+from erm.walls.cylinder import Cylinder, settled
+from erm.walls.evidence import Strays, log_odds
 from erm.walls.extent import Legs, footprint, stretches
-from erm.walls.images import GATE, within
+from erm.walls.images import within
 from erm.walls.line import Lines
-from erm.walls.paths import BoolArray, Paths
+from erm.walls.paths import BoolArray, IntArray, Paths
 from erm.walls.pieces import SOLID_GAP, as_lines, span
 from erm.walls.ragged import Ragged
-from erm.walls.scatterers import Points, Pole, errors, middle_of_antennas, misfit, poles_of, radii_of, settle
+from erm.walls.scatterers import Points, Start, errors, poles_of, radii_of, settle
 from erm.walls.turns import Trial, Turns
 from erm.walls.wall import Wall
 
 REACH = 2.0  # m; members' points lie this near to a pole
 LEAST_LOSS = 6.0  # dB; a cylinder seen from farther than its radius loses more
-PLENTY = 4  # links; fewer must agree beyond all chance, as many where no such accident is expected
-RING = 10.0  # outer radius of the ring about a pole that is counted, in radii of the gate
-ACCIDENTS = 0.001  # poles that chance may be expected to make of as few links
 OFF_WALL = 0.5  # m; what is nearer to a wall is its roughness, or a pilaster
-ALONE = 3.0  # m; points closer than this to each other are the roughness of a wall that nobody saw
+
+
+class Pole(NamedTuple):
+    """A vertical cylinder and the paths off it."""
+
+    centre: FloatArray  # (2,) m
+    covariance: FloatArray  # (2, 2) m2
+    radius: float  # m, of a perfectly reflecting one
+    top: float  # m, of the highest bounce
+    members: IntArray
+    strain: float  # chi-squared a degree of freedom
 
 
 def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Pole]:
     """Poles that at least ``min_support`` links agree on, none of whose paths a wall explains.
 
-    A point must explain delays and azimuths of its paths, their losses must tell one radius, and the legs must not
-    pass through walls.
+    Delays and azimuths of a pole's paths, and the one radius that their losses tell, must be a thousand times likelier
+    than if the paths came from anywhere or off an image (`erm.walls.evidence`), and the legs must not pass through
+    walls.
 
     Parameters
     ----------
@@ -54,62 +63,59 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     measured = paths.tx, paths.rx, paths.length, paths.azimuth
     points, _ = reflection_point(*measured)
     starts = Points(points, point_covariance(*measured, *errors(paths.rays)))
-    near = within(cKDTree(points), points, REACH)
+    strays = Strays(paths, points)
+    near = within(strays.tree, points, REACH)
     links = near.distinct(paths.link)
     order = np.lexsort((paths.length, -links))
-    turns = Turns[Pole](np.arange(len(paths)), min_support)
+    turns = Turns[Start](np.arange(len(paths)), min_support)
     turns.take(
         order[links[order] >= min_support],
         lambda seeds, free: _tried(paths, starts.take(seeds), near.take(seeds), free, min_support),
         near,
     )
-    most = [ACCIDENTS if len(pole.members) < PLENTY else 1.0 for pole in turns.found]
-    found = [pole for pole, limit in zip(turns.found, most, strict=True) if _accidents(paths, pole) <= limit]
-    if not found:
+    fitted = _fitted(paths, strays.tree, turns.found, min_support)
+    if not fitted:
         return []
-    chain = np.full(len(paths), -1)
-    for number, group in enumerate(find_groups(paths, 3)):
-        chain[group.members] = number
+    density = strays.density(np.array([one.centre for one, _ in fitted]), [members for _, members in fitted])
     standing = Standing(walls)
     poles: list[Pole] = []
-    for pole in found:
-        of_chain = np.bincount(chain[pole.members] + 1)[1:].max(initial=0) >= len(pole.members) / 2
-        if not of_chain and not standing.touch(pole) and not standing.hide(pole, paths.take(pole.members)):
-            poles.append(pole)
-    centres = np.array([pole.centre for pole in poles]).reshape(-1, 2)
-    crowd = np.linalg.norm(centres[:, None] - centres, axis=-1) < ALONE
-    return [p._replace(members=rows[p.members]) for p, near_by in zip(poles, crowd, strict=True) if near_by.sum() == 1]
+    for (one, members), crowd in zip(fitted, density.tolist(), strict=True):
+        own = paths.take(members)
+        if (
+            log_odds(own, one, crowd, min_support) > THOUSAND
+            and not standing.touch(one)
+            and not standing.hide(one, own)
+        ):
+            poles.append(Pole(one.centre, one.covariance[:2, :2], one.by_loss, one.top, rows[members], one.strain))
+    return poles
 
 
-def _tried(paths: Paths, starts: Points, around: Ragged, free: BoolArray, min_support: int) -> list[Trial[Pole]]:
+def _fitted(paths: Paths, tree: cKDTree, found: Sequence[Start], min_support: int) -> list[tuple[Cylinder, IntArray]]:
+    """Cylinders in place of points on surfaces, and their paths; those that most paths agree with choose first."""
+    free = np.ones(len(paths), dtype=bool)
+    fitted = []
+    for pole in sorted(found, key=lambda pole: -len(pole.members)):
+        start = pole.members[free[pole.members]]
+        if len(start) < min_support:
+            continue
+        around = np.array(tree.query_ball_point(pole.centre, REACH + 2 * pole.radius), dtype=np.int64)
+        around = np.union1d(around[free[around]], start)
+        one = settled(paths, around, start, pole.centre, pole.radius, min_support)
+        if one is not None:
+            free[one[1]] = False
+            fitted.append(one)
+    return fitted
+
+
+def _tried(paths: Paths, starts: Points, around: Ragged, free: BoolArray, min_support: int) -> list[Trial[Start]]:
     """Poles that paths around starts agree on, where they do."""
     points, members, seen = settle(paths, starts, around.kept(free[around.rows]), min_support)
     some = np.flatnonzero(members.sizes)
-    found: list[Pole | None] = [None] * len(members)
+    found: list[Start | None] = [None] * len(members)
     if len(some):
         for number, pole in zip(some.tolist(), poles_of(paths, points.take(some), members.take(some)), strict=True):
             found[number] = pole
     return [Trial(pole, before) for pole, before in zip(found, seen, strict=True)]
-
-
-def _accidents(paths: Paths, pole: Pole) -> float:
-    """Poles of as many links that would be found if all paths came from anywhere, as many as about this one.
-
-    With ``n`` paths in the ring from one to `RING` radii of the gate, the gate holds ``m = (n + 1/2) / (RING**2 - 1)``
-    by chance. Each of the ``N`` paths lays a point, and ``N P(Poisson(m) >= support - 1)`` have as much company.
-    """
-    support = max(len(pole.members) - 1, 1)
-    least = float(len(paths) * gammainc(support, UNSEEN / (RING**2 - 1)))
-    if least > ACCIDENTS:
-        return least
-    others = np.ones(len(paths), dtype=bool)
-    others[pole.members] = False
-    inward = pole.centre - middle_of_antennas(paths.take(pole.members), np.array([0, len(pole.members)]))[0]
-    surface = pole.centre - pole.radius * inward / np.linalg.norm(inward)
-    chi2 = misfit(paths.rays.take(others), surface, pole.covariance)
-    chance = (np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE)) + UNSEEN) / (RING**2 - 1)
-    # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
-    return float(len(paths) * gammainc(support, chance))
 
 
 class Standing:
@@ -128,12 +134,12 @@ class Standing:
         spans = np.array([span(print_) for print_ in self.prints]).reshape(-1, 2, 2)
         self.tree = shapely.STRtree(shapely.linestrings(spans))
 
-    def touch(self, pole: Pole) -> bool:
+    def touch(self, pole: Cylinder) -> bool:
         """Whether a pole stands on a wall, or where it may go on."""
         along, depth = self.frames.along(pole.centre), self.frames.depth(pole.centre)
         return bool(np.any((self.low < along) & (along < self.high) & (np.abs(depth) < OFF_WALL)))
 
-    def hide(self, pole: Pole, paths: Paths) -> bool:
+    def hide(self, pole: Cylinder, paths: Paths) -> bool:
         """Whether most of the paths of a pole would have to pass through walls."""
         height = radii_of(paths, pole.centre)[1]
         point = np.column_stack([np.broadcast_to(pole.centre, (len(paths), 2)), height])

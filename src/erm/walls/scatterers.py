@@ -11,20 +11,18 @@ from erm.walls.paths import IntArray, Paths, Rays
 from erm.walls.ragged import Ragged, first_of_each, sums
 
 DEPTH = 0.05  # m; a path ends on the pole's surface, not in its centre
-THINNEST, THICKEST = 0.02, 1.0  # m; radius
+THINNEST, THICKEST = 0.005, 1.0  # m; radius of a perfectly reflecting one: of wood as thick as an arm to a pillar
 ALIKE = 3.0  # dB; scatter of radii from the losses of one pole's paths
 ROUNDS = 8  # of gathering and fitting
 STEPS = 10  # of a fit, at most
 SETTLED = 1e-9  # m; steps shorter than this are rounding
 
 
-class Pole(NamedTuple):
-    """A vertical cylinder and the paths off it."""
+class Start(NamedTuple):
+    """About where a pole stands, how thick it is, and which paths are off it."""
 
     centre: FloatArray  # (2,) m
-    covariance: FloatArray  # (2, 2) m2
     radius: float  # m
-    top: float  # m, of the highest reflection point
     members: IntArray
 
 
@@ -79,31 +77,22 @@ def settle(paths: Paths, starts: Points, around: Ragged, min_support: int) -> tu
     return Points(place, covariance), Ragged.of_lists(members), seen
 
 
-def poles_of(paths: Paths, points: Points, members: Ragged) -> list[Pole | None]:
-    """Poles whose surfaces are at points; None where the losses of the paths do not tell one radius of a pole."""
+def poles_of(paths: Paths, points: Points, members: Ragged) -> list[Start | None]:
+    """Poles whose surfaces are at points; None where the losses of the paths tell no radius of a pole."""
     one, of = paths.take(members.rows), members.owner
-    radii, heights = radii_of(one, points.place[of])
+    radii = radii_of(one, points.place[of])[0]
     weight = 1 / (one.loss_std**2 + ALIKE**2)
     middle = weighted_quantiles(10 * np.log10(radii), weight, members.start, 0.5)
-    apart = np.abs(10 * np.log10(radii) - middle[of]) / np.hypot(1.0, one.loss_std / ALIKE)
     # gains beyond the fan are all wrong alike, so their errors are not averaged
     error = sums(weight * one.loss_std, members.start) / sums(weight, members.start)
     thinnest, thickest = 10 ** ((middle - error) / 10), 10 ** ((middle + error) / 10)
-    unlike = weighted_quantiles(apart, weight, members.start, 0.5) > ALIKE
-    wrong = unlike | (thickest < THINNEST) | (thinnest > THICKEST)
+    wrong = (thickest < THINNEST) | (thinnest > THICKEST)
     radius = np.clip(10 ** (middle / 10), THINNEST, THICKEST)
-    inward = points.place - middle_of_antennas(one, members.start)
+    # a fitted point is on the surface, on the side of the antennas
+    antennas = sums((one.tx[:, :2] + one.rx[:, :2]) / 2, members.start) / members.sizes[:, None]
+    inward = points.place - antennas
     centre = points.place + radius[:, None] * inward / np.linalg.norm(inward, axis=-1, keepdims=True)
-    top = np.maximum.reduceat(heights, members.start[:-1])
-    return [
-        None if wrong[i] else Pole(centre[i], points.covariance[i], float(radius[i]), float(top[i]), own)
-        for i, own in enumerate(members)
-    ]
-
-
-def middle_of_antennas(paths: Paths, start: IntArray) -> FloatArray:
-    """Middle (list, 2) of all antennas of lists of paths: the fitted point is on the surface, on their side."""
-    return sums((paths.tx[:, :2] + paths.rx[:, :2]) / 2, start) / np.diff(start)[:, None]
+    return [None if wrong[i] else Start(centre[i], float(radius[i]), own) for i, own in enumerate(members)]
 
 
 def misfit(paths: Rays, place: FloatArray, covariance: FloatArray) -> FloatArray:
