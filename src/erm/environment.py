@@ -26,7 +26,9 @@ VARIABLES: Mapping[str, tuple[tuple[str, ...], str, str]] = {
     "normal": ((), "degree", "azimuth of the face normal"),
     "offset": ((), "m", "distance of the wall from the origin along its normal"),
     "covariance": (("parameter", "parameter_2"), "", "covariance of normal [degree] and offset [m]"),
+    "centre_covariance": (("xy", "xy_2"), "m2", "covariance of the centre of a pole, east and north"),
     "support": ((), "1", "number of multipath components behind the reflector"),
+    "residual": ((), "1", "chi-squared of these components a degree of freedom"),
     "material": ((), "", "name of the material"),
 }
 
@@ -41,7 +43,9 @@ def make_reflectors(
     normal: ArrayLike = np.nan,
     offset: ArrayLike = np.nan,
     covariance: ArrayLike = np.nan,
+    centre_covariance: ArrayLike = np.nan,
     support: ArrayLike = 0,
+    residual: ArrayLike = np.nan,
     material: ArrayLike = DEFAULT_MATERIAL,
 ) -> "xr.Dataset":
     """Table of reflectors; every column but the end points broadcasts from one value.
@@ -62,9 +66,13 @@ def make_reflectors(
     normal, offset : array (reflector,)
         Azimuth of the normal [degree] and ``n.p`` [m]; NaN for poles.
     covariance : array (reflector, 2, 2)
-        Of (normal [degree], offset [m]); NaN if unknown.
+        Of (normal [degree], offset [m]); NaN if unknown, and for poles.
+    centre_covariance : array (reflector, 2, 2)
+        Of the centre of a pole, (east, north) [m2]; NaN if unknown, and for walls.
     support : array (reflector,) of int
         Number of multipath components that built it; 0 for drawn ones.
+    residual : array (reflector,)
+        Chi-squared of these components a degree of freedom; NaN if unknown.
     material : array (reflector,) of str
 
     Returns
@@ -88,7 +96,9 @@ def make_reflectors(
         ("normal", normal, float, ()),
         ("offset", offset, float, ()),
         ("covariance", covariance, float, (2, 2)),
+        ("centre_covariance", centre_covariance, float, (2, 2)),
         ("support", support, np.int64, ()),
+        ("residual", residual, float, ()),
         ("material", material, str, ()),
     )
     for name, value, dtype, shape in given:
@@ -191,10 +201,12 @@ class Environment:
         *,
         base: ArrayLike = 0.0,
         top: ArrayLike = np.inf,
+        covariance: ArrayLike = np.nan,
         support: ArrayLike = 0,
+        residual: ArrayLike = np.nan,
         material: ArrayLike = "metal",
     ) -> "Environment":
-        """The same place with vertical poles at centres (pole, 2) [m] after its reflectors."""
+        """The same place with vertical poles after its reflectors, at centres (pole, 2) [m] of some covariance [m2]."""
         import xarray as xr
 
         centre = np.asarray(centres, dtype=float).reshape(-1, 1, 2)
@@ -204,7 +216,9 @@ class Environment:
             radius=radius,
             base=base,
             top=top,
+            centre_covariance=covariance,
             support=support,
+            residual=residual,
             material=material,
         )
         joined = xr.concat([self.reflectors, poles], dim="reflector")
@@ -236,6 +250,7 @@ class Environment:
             "normal": normal,
             "offset": table.offset.values + unit(normal) @ shift[:2],
             "covariance": jacobian @ table.covariance.values @ jacobian.swapaxes(1, 2),
+            "centre_covariance": turn.T @ table.centre_covariance.values @ turn,
             "base": table.base.values + shift[2],
             "top": table.top.values + shift[2],
         }

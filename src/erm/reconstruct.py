@@ -26,7 +26,7 @@ from erm.wrapped import later, with_later
 if TYPE_CHECKING:
     import xarray as xr
 
-CLEAR = 3.0  # standard errors by which the strain of a wall must exceed 1, to say that its errors were too small
+CLEAR = 3.0  # standard errors by which the strain of a reflector must exceed 1, to say that its errors were too small
 COVERED = "no wall shared with other positions"
 
 
@@ -203,12 +203,11 @@ def _map(verdict: Verdict, poles: list[Pole], of_poles: Paths, table: "xr.Datase
     wall_point = np.full((table.sizes["mpc"], 3), np.nan)
     for wall, why in verdict.rejected:
         reason[wall.paths.row] = why
-    names = ("end_points", "top", "normal", "offset", "covariance", "support", "material")
+    names = ("end_points", "top", "normal", "offset", "covariance", "support", "residual", "material")
     columns: dict[str, list] = {name: [] for name in names}
     for wall, pieces in zip(verdict.walls, verdict.pieces, strict=True):
         line = wall.line.about(np.zeros(2))
-        strain = wall.strain
-        strained = strain > 1 + CLEAR * np.sqrt(2 / max(2 * wall.support - 2, 1))
+        wider = _widening(wall.strain, wall.support)
         index_of = round(float(np.sqrt(refractive_index_squared(wall))), 1)
         material = Material(f"index {index_of}", refractive_index=complex(index_of, 0.0))
         materials[material.name] = material
@@ -221,8 +220,9 @@ def _map(verdict: Verdict, poles: list[Pole], of_poles: Paths, table: "xr.Datase
             columns["top"].append(max(wall.points[piece.members, 2].max(), ground) + MOST_MARGIN)
             columns["normal"].append(line.normal)
             columns["offset"].append(line.offset)
-            columns["covariance"].append(line.covariance * (strain if strained else 1.0))
+            columns["covariance"].append(line.covariance * wider)
             columns["support"].append(len(piece.members))
+            columns["residual"].append(wall.strain)
             columns["material"].append(material.name)
     reflectors = make_reflectors(
         np.reshape(columns.pop("end_points"), (-1, 2, 2)),
@@ -253,6 +253,13 @@ def _map(verdict: Verdict, poles: list[Pole], of_poles: Paths, table: "xr.Datase
             np.array([pole.radius for pole in poles]),
             base=ground,
             top=np.array([max(pole.top, ground) + MOST_MARGIN for pole in poles]),
+            covariance=np.array([pole.covariance * _widening(pole.strain, len(pole.members)) for pole in poles]),
             support=np.array([len(pole.members) for pole in poles]),
+            residual=np.array([pole.strain for pole in poles]),
         )
     return environment, enriched
+
+
+def _widening(strain: float, support: int) -> float:
+    """Factor of a covariance whose paths depart from the fit by clearly more than their errors."""
+    return strain if strain > 1 + CLEAR * np.sqrt(2 / max(2 * support - 2, 1)) else 1.0

@@ -18,11 +18,20 @@ if TYPE_CHECKING:
 Columns = dict[str, np.ndarray]
 
 ENDS = ("first_east", "first_north", "second_east", "second_north")
-COVARIANCES = {"normal_variance": (0, 0), "normal_offset_covariance": (0, 1), "offset_variance": (1, 1)}
+# where each stands: variable, row and column
+COVARIANCES = {
+    "normal_variance": ("covariance", 0, 0),
+    "normal_offset_covariance": ("covariance", 0, 1),
+    "offset_variance": ("covariance", 1, 1),
+    "east_variance": ("centre_covariance", 0, 0),
+    "east_north_covariance": ("centre_covariance", 0, 1),
+    "north_variance": ("centre_covariance", 1, 1),
+}
+NUMBERS = ("radius", "base", "top", "normal", "offset", "residual")
 # what stands in a column that a hand-made file leaves out
 DEFAULTS: Mapping[str, object] = {
     "kind": "wall", "radius": 0.0, "base": 0.0, "top": np.inf, "normal": np.nan, "offset": np.nan,
-    **dict.fromkeys(COVARIANCES, np.nan), "support": 0, "material": DEFAULT_MATERIAL,
+    **dict.fromkeys(COVARIANCES, np.nan), "support": 0, "residual": np.nan, "material": DEFAULT_MATERIAL,
 }  # fmt: skip
 # what a missing number (JSON null, empty cell) in a column that is there means
 MISSING: Mapping[str, float] = {"radius": 0.0, "base": -np.inf, "top": np.inf, "support": 0.0}
@@ -31,12 +40,12 @@ MISSING: Mapping[str, float] = {"radius": 0.0, "base": -np.inf, "top": np.inf, "
 def to_columns(reflectors: "xr.Dataset") -> Columns:
     """Flatten the reflector table; every column has the length of the table."""
     ends = reflectors.end_points.values.reshape(-1, 4)
-    covariance = reflectors.covariance.values
     columns: Columns = {"kind": reflectors.kind.values.astype(str)}
     columns |= {name: ends[:, i] for i, name in enumerate(ENDS)}
     for name in DEFAULTS:
         if name in COVARIANCES:
-            columns[name] = covariance[:, *COVARIANCES[name]]
+            variable, row, column = COVARIANCES[name]
+            columns[name] = reflectors[variable].values[:, row, column]
         else:
             columns[name] = reflectors[name].values
     return columns
@@ -59,14 +68,14 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
         raise DataError(f"no column {absent[0]}; expected {', '.join(ENDS)}")
     count = len(columns[ENDS[0]])
     ends = np.stack([number(columns, name, count) for name in ENDS], axis=-1).reshape(-1, 2, 2)
-    covariance = np.empty((count, 2, 2))
-    for name, (row, column) in COVARIANCES.items():
-        covariance[:, row, column] = covariance[:, column, row] = number(columns, name, count)
-    numbers = {name: number(columns, name, count) for name in ("radius", "base", "top", "normal", "offset")}
+    matrices = {variable: np.empty((count, 2, 2)) for variable, _, _ in COVARIANCES.values()}
+    for name, (variable, row, column) in COVARIANCES.items():
+        matrices[variable][:, row, column] = matrices[variable][:, column, row] = number(columns, name, count)
+    numbers = {name: number(columns, name, count) for name in NUMBERS}
     words = {name: np.asarray(columns.get(name, [DEFAULTS[name]] * count), dtype=str) for name in ("kind", "material")}
     table = make_reflectors(
         ends,
-        covariance=covariance,
+        **matrices,
         support=number(columns, "support", count).astype(np.int64),
         **numbers,
         **words,

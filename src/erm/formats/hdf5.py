@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 UNITS = (
     dict.fromkeys((*ENDS, "radius", "base", "top", "offset"), "m")
     | dict.fromkeys(("normal",), "degree")
-    | dict(zip(COVARIANCES, ("degree2", "degree m", "m2"), strict=True))
+    | dict(zip(COVARIANCES, ("degree2", "degree m", "m2", "m2", "m2", "m2"), strict=True))
 )
 SCENE = ("ground", "ceiling", "materials", "georeference")
 
