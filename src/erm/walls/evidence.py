@@ -6,9 +6,10 @@ And receivers in a row, seen from a pole, point to one image as well: that of so
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.special import betaln
 
 from erm.geometry import FloatArray, point_covariance
-from erm.walls.chance import THOUSAND, UNSEEN
+from erm.walls.chance import UNSEEN
 from erm.walls.consensus import find_groups
 from erm.walls.cylinder import ROUND, Cylinder
 from erm.walls.fit import chi_squared, residuals
@@ -17,7 +18,8 @@ from erm.walls.scatterers import ALIKE
 
 PER_AREA = 1e-3  # 1/m2; one pole, and one image that no wall explains, in a square of 30 m
 SPAN = 30.0  # dB; the losses of paths from anywhere
-SCALES = 2.0 ** np.arange(1, 6)  # m; radii about a point within which paths are counted
+SCALES = 2.0 ** np.arange(-1, 6)  # m; radii about a point within which paths are counted
+EMPTY = 2.0  # m; where none is counted there may be half a path (Jeffreys) within this
 
 
 class Strays:
@@ -39,14 +41,15 @@ class Strays:
     def density(self, places: FloatArray, members: list[IntArray]) -> FloatArray:
         """Paths (place,) other than the members that a link lays in a square metre about places, at most [1/m2].
 
-        What is counted within some radii, ``n + 1/2`` (Jeffreys), is divided by their area, and the most counts: a
-        facade's roughness or a crossing of traffic crowds a few metres, and a scene has its limits.
+        What is counted within some radii is divided by their areas, and the most counts: strays come from a few metres
+        of a rough facade more than from anywhere.
         """
         counted = np.stack([self.tree.query_ball_point(places, scale, return_length=True) for scale in SCALES], axis=-1)
         for own, count, place in zip(members, counted, places, strict=True):
             apart = np.linalg.norm(self.points[own] - place, axis=-1)
             count -= np.count_nonzero(apart[:, None] <= SCALES, axis=0)
-        return np.asarray(((counted + UNSEEN) / (np.pi * SCALES**2)).max(axis=-1) / self.links)
+        most = (counted / (np.pi * SCALES**2)).max(axis=-1)
+        return np.asarray(np.maximum(most, UNSEEN / (np.pi * EMPTY**2)) / self.links)
 
 
 def against_strays(paths: Paths, density: float) -> FloatArray:
@@ -60,7 +63,7 @@ def against_strays(paths: Paths, density: float) -> FloatArray:
     return -np.log(2 * np.pi * np.sqrt(np.linalg.det(covariance)) * density)
 
 
-def log_odds(paths: Paths, cylinder: Cylinder, density: float, min_support: int) -> float:
+def log_odds(paths: Paths, cylinder: Cylinder, density: float, in_view: int, min_support: int) -> float:
     """Log odds of a pole's member paths to be off it, against the likelier of strays and images.
 
     The likelihood of each explanation is the integral of that of the measurements over where the pole stands, or the
@@ -68,13 +71,28 @@ def log_odds(paths: Paths, cylinder: Cylinder, density: float, min_support: int)
     radius is integrated over what the losses tell of it. Losses are compared likewise: those of a pole tell one
     radius, those off a wall are about equal, within `ALIKE`, and those of strays are anywhere in `SPAN`. An image that
     explains some of the paths leaves the others to the strays.
+
+    Few of many links find strays that agree anywhere: that just ``k`` of ``n`` links see something, any share of them
+    being as likely beforehand, has the probability ``B(k + 1, n - k + 1)``, pole or image.
+
+    Parameters
+    ----------
+    paths : Paths
+        Members.
+    density : float
+        Of strays, from `Strays` [1/m2].
+    in_view : int
+        Links that no wall known keeps from seeing the pole.
+    min_support : int
+        Fewest paths that an image is believed of.
     """
     single = against_strays(paths, density)
     volume = (2 * np.pi) * np.sqrt(np.linalg.det(cylinder.covariance)) / cylinder.by_loss_std
     of_pole = np.log(PER_AREA * volume) + single.sum() - (cylinder.misfits.sum() + cylinder.pull) / 2
     of_pole += _of_losses(10 * np.log10(cylinder.radii), paths.loss_std)
-    if of_pole < THOUSAND:
-        return float(of_pole)
+    chosen = -betaln(len(paths) + 1, max(in_view - len(paths), 0) + 1)
+    if of_pole < chosen:
+        return float(of_pole - chosen)
     of_images = 0.0
     for group in find_groups(paths, min_support):
         own, line = paths.take(group.members), group.line
@@ -83,7 +101,7 @@ def log_odds(paths: Paths, cylinder: Cylinder, density: float, min_support: int)
         misfits = chi_squared(own.rays, residuals(own.rays, line.frame()), (0.0, 0.0, 0.0))
         of_image = np.log(PER_AREA * 2 * np.pi * area) + single[group.members].sum() - misfits.sum() / 2
         of_images += max(of_image + _of_losses(own.loss, own.loss_std), 0.0)
-    return float(of_pole - of_images)
+    return float(of_pole - max(chosen, of_images))
 
 
 def _of_losses(level: FloatArray, std: FloatArray) -> float:

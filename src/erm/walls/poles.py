@@ -12,7 +12,6 @@ import shapely
 from scipy.spatial import cKDTree
 
 from erm.geometry import FloatArray, point_covariance, reflection_point
-from erm.walls.chance import THOUSAND
 from erm.walls.conflicts import BEYOND
 from erm.walls.cylinder import Cylinder, settled
 from erm.walls.evidence import Strays, log_odds
@@ -28,6 +27,7 @@ from erm.walls.wall import Wall
 
 REACH = 2.0  # m; members' points lie this near to a pole
 LEAST_LOSS = 6.0  # dB; a cylinder seen from farther than its radius loses more
+LEAST_ODDS = 3.0  # log; of 2800 poles likelier than this on random streets three were none
 OFF_WALL = 0.5  # m; what is nearer to a wall is its roughness, or a pilaster
 
 
@@ -45,9 +45,8 @@ class Pole(NamedTuple):
 def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Pole]:
     """Poles that at least ``min_support`` links agree on, none of whose paths a wall explains.
 
-    Delays and azimuths of a pole's paths, and the one radius that their losses tell, must be a thousand times likelier
-    than if the paths came from anywhere or off an image (`erm.walls.evidence`), and the legs must not pass through
-    walls.
+    Delays and azimuths of a pole's paths, and the one radius that their losses tell, must be twenty times likelier than
+    if the paths came from anywhere or off an image (`erm.walls.evidence`), and the legs must not pass through walls.
 
     Parameters
     ----------
@@ -65,11 +64,11 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     starts = Points(points, point_covariance(*measured, *errors(paths.rays)))
     strays = Strays(paths, points)
     near = within(strays.tree, points, REACH)
-    links = near.distinct(paths.link)
-    order = np.lexsort((paths.length, -links))
+    company = near.distinct(paths.link)
+    order = np.lexsort((paths.length, -company))
     turns = Turns[Start](np.arange(len(paths)), min_support)
     turns.take(
-        order[links[order] >= min_support],
+        order[company[order] >= min_support],
         lambda seeds, free: _tried(paths, starts.take(seeds), near.take(seeds), free, min_support),
         near,
     )
@@ -78,14 +77,15 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
         return []
     density = strays.density(np.array([one.centre for one, _ in fitted]), [members for _, members in fitted])
     standing = Standing(walls)
+    _, every = np.unique(paths.link, return_index=True)
+    links = paths.take(every)
     poles: list[Pole] = []
     for (one, members), crowd in zip(fitted, density.tolist(), strict=True):
         own = paths.take(members)
-        if (
-            log_odds(own, one, crowd, min_support) > THOUSAND
-            and not standing.touch(one)
-            and not standing.hide(one, own)
-        ):
+        if standing.touch(one) or np.mean(standing.hide(one, own)) > 0.5:
+            continue
+        in_view = int(np.count_nonzero(~standing.hide(one, links)))
+        if log_odds(own, one, crowd, in_view, min_support) > LEAST_ODDS:
             poles.append(Pole(one.centre, one.covariance[:2, :2], one.by_loss, one.top, rows[members], one.strain))
     return poles
 
@@ -139,12 +139,12 @@ class Standing:
         along, depth = self.frames.along(pole.centre), self.frames.depth(pole.centre)
         return bool(np.any((self.low < along) & (along < self.high) & (np.abs(depth) < OFF_WALL)))
 
-    def hide(self, pole: Cylinder, paths: Paths) -> bool:
-        """Whether most of the paths of a pole would have to pass through walls."""
+    def hide(self, pole: Cylinder, paths: Paths) -> BoolArray:
+        """Paths (path,) that would have to pass through walls to come off a pole."""
         height = radii_of(paths, pole.centre)[1]
         point = np.column_stack([np.broadcast_to(pole.centre, (len(paths), 2)), height])
         legs = Legs(np.vstack([paths.tx, paths.rx]), np.vstack([point, point]))
         behind = np.zeros(len(legs.start), dtype=bool)
         for number in np.unique(self.tree.query(as_lines(*legs), predicate="intersects")[1]).tolist():
             behind |= self.prints[number].blocks(legs)
-        return bool(np.mean(behind.reshape(2, -1).any(axis=0)) > 0.5)
+        return np.asarray(behind.reshape(2, -1).any(axis=0))
