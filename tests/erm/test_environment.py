@@ -28,11 +28,12 @@ def random_place(seed: int) -> Environment:
         top=[np.inf, np.inf, *rng.uniform(5, 40, count - 2)],
         covariance=covariance,
         support=rng.integers(0, 50, count),
+        residual=rng.uniform(0.5, 3, count),
         material=["plaster", "glass", "own", "brick", "metal", "concrete"],
     )
     own = Material("own", permittivity=(3.1, -0.1), conductivity=(0.01, 1.2), height_deviation=1e-4)
     place = Environment(table, Slab(-0.3, "asphalt"), Slab(12.5), {"own": own})
-    return place.with_poles(rng.uniform(-50, 50, (2, 2)), [0.1, 0.25], top=[8.0, np.inf])
+    return place.with_poles(rng.uniform(-50, 50, (2, 2)), [0.1, 0.25], top=[8.0, np.inf], covariance=covariance[1:3])
 
 
 def assert_same(first: Environment, second: Environment) -> None:
@@ -177,7 +178,7 @@ def test_moving_there_and_back_is_staying(seed):
     angle, shift = rng.uniform(0, 360), rng.uniform(-100, 100, 3)
     place = random_place(seed)
     back = place.moved(angle, (0, 0, 0)).moved(0, shift).moved(0, -shift).moved(-angle, (0, 0))
-    for name in ("end_points", "offset", "covariance", "base", "top"):
+    for name in ("end_points", "offset", "covariance", "centre_covariance", "base", "top"):
         np.testing.assert_allclose(back.reflectors[name], place.reflectors[name], atol=1e-8)
     turn = (back.reflectors.normal - place.reflectors.normal + 180) % 360 - 180
     np.testing.assert_allclose(turn.dropna("reflector"), 0, atol=1e-9)
@@ -192,6 +193,14 @@ def test_covariance_moves_as_a_cloud_of_walls_does():
     cloud = np.stack([normal + 30, offset + unit(normal + 30) @ [40.0, -25.0]])
     # a variance of n draws scatters by sqrt(2/n) = 1 %; five of these
     np.testing.assert_allclose(np.cov(cloud), moved.covariance.values[0], rtol=0.05)
+
+
+def test_a_pole_that_is_known_better_in_one_direction_is_so_in_the_turned_one():
+    pole = Environment.empty().with_poles([[3.0, 4.0]], 0.1, covariance=np.diag([0.04, 0.01])[None])
+    moved = pole.moved(30, (7.0, -2.0)).reflectors["centre_covariance"].values[0]
+    long, short = unit(30.0), unit(120.0)
+    assert long @ moved @ long == pytest.approx(0.04)
+    assert short @ moved @ short == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize(
