@@ -17,7 +17,7 @@ from erm.walls.ragged import first_of_each
 from erm.walls.scatterers import ALIKE, THICKEST, THINNEST, radii_of
 
 ROUND = 0.01  # m; what masts depart from cylinders by: they taper, and have doors and edges
-IMPERFECT = 0.05  # m; by what a radius is more than the losses tell: few poles reflect perfectly
+IMPERFECT = 0.1  # m; what a radius may be more than the losses tell: a pole of concrete seems four fifths thinner
 ROUNDS = 8  # of gathering and fitting
 STEPS = 20  # of a fit, at most
 LONGEST = 1.0  # m; longer steps leave what the slopes hold for
@@ -83,7 +83,10 @@ def seen(paths: Paths, centre: FloatArray, radius: float) -> Seen:
 
 
 def fit(paths: Paths, centre: FloatArray, radius: float) -> Cylinder:
-    """Weighted least squares of axis and radius, the one that the losses tell being one more measurement."""
+    """Weighted least squares of axis and radius, the one that the losses tell being one more measurement.
+
+    The radius of a thin pole may come out below nought within its error; held at nought it would push the axis aside.
+    """
     for _ in range(STEPS):
         now = seen(paths, centre, radius)
         by_loss, std = _radius_by_loss(paths, radii_of(paths, now.bounce)[0])
@@ -92,7 +95,7 @@ def fit(paths: Paths, centre: FloatArray, radius: float) -> Cylinder:
         covariance = np.linalg.inv((slopes * weight[:, None]).T @ slopes)
         step = covariance @ (slopes.T @ (weight * np.r_[now.length, now.azimuth, by_loss - radius]))
         step *= min(1.0, LONGEST / max(float(np.abs(step).max()), SETTLED))
-        centre, radius = centre + step[:2], max(radius + float(step[2]), THINNEST)
+        centre, radius = centre + step[:2], radius + float(step[2])
         if np.abs(step).max() < SETTLED:
             break
     now = seen(paths, centre, radius)

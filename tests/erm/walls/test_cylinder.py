@@ -99,6 +99,14 @@ def test_the_covariance_of_a_pole_is_honest(places):
     assert 0.61 <= inside / count <= 0.75
 
 
+def test_a_thin_pole_stays_in_place_where_its_radius_comes_out_below_nought():
+    exact = off_pole(AROUND, 0.03)
+    longer = seen(exact, CENTRE, 0.03).by_length[:, 2] * -0.06
+    found = fit(replace(exact, length=exact.length + longer), CENTRE, 0.1)
+    assert found.radius < 0
+    assert np.linalg.norm(found.centre - CENTRE) < 0.01
+
+
 def test_a_pole_leaves_paths_that_do_not_agree():
     paths = off_pole(AROUND)
     paths.length[2] += 0.3
