@@ -21,7 +21,7 @@ HELD = {
     "right": "share of these that are predicted",
     "positions_right": "share of positions with all of these predicted",
     "positions_located": "the same, by delay and azimuth alone",
-    "positions_given": "the same, gains as measured given the predicted elevations",
+    "positions_reported": "the same, by the gains that the table reports, whatever the elevation",
     "positions_compatible": "the same, gains within what the measurement is sure of",
     "delay": "of those predicted: median error of delay [s]",
     "azimuth": "median error of azimuth [degree]",

@@ -15,6 +15,7 @@ from erm.constants import c
 from erm.errors import OptionError
 from erm.geometry import FloatArray, angle_difference
 from erm.mpc_table import path_length
+from erm.propagation import free_space_gain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -149,8 +150,7 @@ def links(table: "xr.Dataset") -> npt.NDArray[np.int64]:
 
 def reflection_loss(table: "xr.Dataset") -> FloatArray:
     """Free-space gain at the path's length minus its gain (mpc,), ``20 lg(c / (4 pi f L)) - P`` [dB]."""
-    wavelength = c / table["frequency"].values
-    return 20 * np.log10(wavelength / (4 * np.pi * path_length(table))) - table["path_gain"].values
+    return free_space_gain(path_length(table), table["frequency"].values) - table["path_gain"].values
 
 
 def is_direct(table: "xr.Dataset") -> BoolArray:
