@@ -9,6 +9,7 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from erm.errors import DataError, OptionError
+from erm.launch import INTERRUPTED
 from erm.storage import SOFTWARE
 from erm.usage import told
 
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DATA_FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
-"""Exit codes; the last is that after Ctrl-C."""
+DATA_FAILED, WRONG_USAGE = 1, 2
+"""Exit codes."""
 
 
 def run(app: "typer.Typer") -> None:

@@ -257,9 +257,5 @@ def _report(outcome: "Outcome", out: Path, what: str) -> None:
 
 
 def main() -> None:
-    """Entry point of ``sounder``."""
+    """Run the command line."""
     console.run(app)
-
-
-if __name__ == "__main__":
-    main()
