@@ -39,6 +39,13 @@ Named = Annotated[Path, AfterValidator(_beside)]
 """A file or folder, named from the campaign file's own folder."""
 
 
+def _some(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    # pydantic's own min_length counts what is wrong as missing
+    if not values:
+        raise ValueError("is empty; expected at least one")
+    return values
+
+
 class _Table(BaseModel):
     """A TOML table: unknown keys are errors, values cannot change."""
 
@@ -52,10 +59,16 @@ class Recordings(_Table):
     ``sounder`` are as in ``sounder process``.
     """
 
-    files: Annotated[tuple[str, ...], Field(min_length=1)]
+    files: Annotated[tuple[str, ...], AfterValidator(_some)]
     calibration: Named | None = None
     layout: Named | None = None
     sounder: Named | None = None
+
+    @model_validator(mode="after")
+    def _calibrated(self) -> Self:
+        if self.calibration is None and self.layout is None:
+            raise ValueError("calibration is missing; expected a back-to-back recording, or a layout that names one")
+        return self
 
 
 class Processing(_Table):
@@ -145,7 +158,7 @@ class Campaign(_Table):
     """
 
     name: str
-    recordings: Annotated[tuple[Recordings, ...], Field(min_length=1)]
+    recordings: Annotated[tuple[Recordings, ...], AfterValidator(_some)]
     processing: Processing = Processing()
     map: Map = Map()
     figures: Figures = Figures()
@@ -224,7 +237,7 @@ def load(path: Path | str) -> Campaign:
         return Campaign.model_validate(tables, context=path)
     except ValidationError as error:
         told = describe(error, Campaign)
-        raise DataError(f"{path}: {told.replace('recordings.0.', 'recordings.') if alone else told}") from None
+        raise DataError(f"{path}: {told.replace('recordings.0', 'recordings') if alone else told}") from None
 
 
 def _matched(pattern: str, folder: Path, spared: set[Path], made: Iterable[Path]) -> list[Path]:

@@ -1,6 +1,7 @@
 """Command line of the sounder: from raw captures to impulse responses, DAPS and MPCs."""
 
 import math
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -187,12 +188,13 @@ def run_campaign(
     described = load(campaign)
     result = run(described, out or described.out)
     made, positions = console.counted(len(result.products), "product"), console.counted(result.positions, "position")
-    print(f"{result.out}: {made}; {result.already} of {positions} were there already")
+    folder = Path(os.path.normpath(result.out))  # for people; with links it may not be the same
+    print(f"{folder}: {made}; {result.already} of {positions} were there already")
     kind = result.environment.reflectors["kind"].values
     found = " and ".join(console.counted(int((kind == thing).sum()), thing) for thing in ("wall", "pole"))
     used, there = int(result.located["accepted"].sum()), console.counted(result.table.sizes["mpc"], "MPC")
     print(f"map: {found} from {used} of {there}")
-    print(f"report: {result.out / REPORT}")
+    print(f"report: {folder / REPORT}")
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)
     console.complain(result.failures)

@@ -24,7 +24,7 @@ from erm.outputs import require_folder, spare_inputs
 from erm.page import Page
 from erm.reconstruct import reconstruct
 from erm.select import select
-from erm.storage import open_group, provenance
+from erm.storage import clear_leftovers, open_group, provenance
 from sounder.campaign import Campaign
 from sounder.campaign_page import tell
 from sounder.pipeline import process
@@ -100,6 +100,8 @@ def run(campaign: Campaign, out: Path) -> Result:
     spare_inputs(outputs(campaign, out), {*campaign.named, *(job.recording.source for job in jobs)})
     page = Page(out, REPORT)
     page.outdate()
+    for path in outputs(campaign, out):
+        clear_leftovers(path)
     asked = campaign.processing
     with console.progress("processing positions", len(jobs)) as advance:
         outcome = process(
@@ -123,7 +125,7 @@ def run(campaign: Campaign, out: Path) -> Result:
     write_reflection_points(located, out / POINTS)
     result = Result(
         out,
-        out / FIGURES / f"map.{campaign.figures.format}",
+        map_figure(campaign, out),
         len(jobs),
         {product: open_group(product) for product in outcome.products},
         outcome.already,
@@ -142,8 +144,14 @@ def run(campaign: Campaign, out: Path) -> Result:
 
 
 def outputs(campaign: Campaign, out: Path) -> list[Path]:
-    """Files that are made beside products and figures."""
-    return [out / name for name in (TABLE, POINTS, REPORT, *(f"map.{suffix}" for suffix in campaign.map.formats))]
+    """Files that are made beside products and the figures of positions."""
+    maps = [f"map.{suffix}" for suffix in campaign.map.formats]
+    return [map_figure(campaign, out), *(out / name for name in (TABLE, POINTS, REPORT, *maps))]
+
+
+def map_figure(campaign: Campaign, out: Path) -> Path:
+    """File of the figure of the map."""
+    return out / FIGURES / f"map.{campaign.figures.format}"
 
 
 def _ready(campaign: Campaign, out: Path) -> NDArray[Any] | None:
@@ -228,4 +236,6 @@ def _draw_map(result: Result) -> None:
 def _drawn(product: Path, out: Path, suffix: str) -> list[Path]:
     """Figures of a product, drawn unless they were."""
     there = figure_paths(product, out, suffix=suffix)
+    for path in there:
+        clear_leftovers(path)
     return there if drawn_before(product, there) else draw_product(product, out, suffix=suffix)
