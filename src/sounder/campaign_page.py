@@ -244,8 +244,8 @@ def _shown(path: Path, out: Path, text: str) -> str:
 
 
 def _local(line: str, campaign: "Campaign") -> str:
-    """A line with files named from the folder of the campaign."""
-    return line.replace(f"{campaign.source.parent}{os.sep}", "")
+    """A line with files named from the folder of the campaign, in which Markdown finds nothing to emphasise."""
+    return line.replace(f"{campaign.source.parent}{os.sep}", "").replace("*", r"\*")
 
 
 def _anchor(name: str) -> str:

@@ -1,6 +1,7 @@
 """`sounder run`: a campaign to map and report; what fails costs itself alone, what is there is not made again."""
 
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from erm.storage import open_group
 from sounder import pipeline
 from sounder.intake import gather
+from sounder.report import drawn_before
 
 from .commands import digest, names, run
 
@@ -123,6 +125,18 @@ def test_what_is_there_is_not_made_again(made, capsys):
     assert digest(out) == whole
 
 
+def test_a_figure_that_is_not_younger_than_its_product_is_drawn_again(made, tmp_path):
+    product, figures = tmp_path / "RX2.h5", [tmp_path / name for name in ("a.png", "b.png")]
+    for path in (product, *figures):
+        path.write_bytes(b"")
+    for times, drawn in (((10, 11, 12), True), ((10, 11, 10), False), ((12, 11, 13), False)):
+        for path, time in zip((product, *figures), times, strict=True):
+            os.utime(path, (time, time))
+        assert drawn_before(product, figures) == drawn
+    figures[0].unlink()
+    assert not drawn_before(product, figures)
+
+
 def test_products_of_sounder_process_are_gone_on_from(written, copied, capsys):
     arguments = ("process", copied / "RX1.h5", "--calibration", copied / "back-to-back.h5")
     assert run(*arguments, "--out", copied / "elsewhere" / "products") == 0
@@ -160,6 +174,8 @@ def test_a_layout_or_description_that_changed_makes_products_anew(campaign, join
 
 def test_an_interrupted_run_goes_on_to_the_same_bytes(made, copied, monkeypatch, capsys):
     shutil.copy(made / "street.toml", copied)
+    (copied / "street").mkdir()
+    (copied / "street" / "report.md").write_text("of an earlier run")
     process = pipeline.process_position
 
     def stopped(job, target, *arguments, **keywords):
@@ -230,10 +246,7 @@ def test_nothing_to_process_is_told_and_nothing_written(written, copied, capsys)
     [
         (("min_support = 2", 'outline = "absent.geojson"'), "{folder}/absent.geojson: cannot be read"),
         (("min_support = 2", 'outline = "street/map.h5"'), "{folder}/street/map.h5: no such file"),
-        (
-            ("files", "fils"),
-            "{folder}/street.toml: recordings.files: missing; recordings.fils: unknown key; did you mean f",
-        ),
+        (("positions", "position"), "{folder}/street.toml: figures.position: unknown key; did you mean positions?"),
     ],
 )
 def test_what_cannot_end_well_is_refused_before_anything_is_processed(written, copied, replaced, told, capsys):
