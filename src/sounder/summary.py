@@ -1,5 +1,6 @@
 """What a raw or product file holds, and whether it is healthy; as labelled lines."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -168,6 +169,11 @@ def _product(path: Path) -> Lines:
             "health",
             f"{root.attrs['missing_directions']} directions missing, "
             f"{root.attrs['problem_directions']} with zero or clipped samples",
+        ),
+        *(
+            (name.removesuffix("s"), line)
+            for name in ("failures", "notes")
+            for line in json.loads(root.attrs.get(name, "[]"))
         ),
         ("made by", f"{root.attrs['source']}, {root.attrs['processing_options']}"),
     ]

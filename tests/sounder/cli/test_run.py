@@ -15,7 +15,7 @@ from sounder import pipeline
 from sounder.intake import gather
 from sounder.report import drawn_before
 
-from .commands import digest, names, run
+from .commands import digest, facts, names, run
 
 FILES = ["map.geojson", "map.h5", "mpcs.csv", "reflection-points.csv", "report.md"]
 TEXT = """
@@ -217,6 +217,8 @@ def test_a_position_that_fails_is_named_and_the_rest_is_done(written, copied, ca
     assert [line.partition(": ")[0] for line in failed] == ["- RX0.h5", "- RX2.h5"]  # from the campaign's folder
     assert "| [RX2](#rx2) | yes |" in text
     assert "| 0 | 1 | 1 failure |" in text
+    assert run("info", copied / "street" / "products" / "RX2.h5") == 0
+    assert facts(capsys)["failure"] == zero.removeprefix(f"{copied / 'RX2.h5'}: RX2: ")
 
 
 def test_products_that_are_not_of_the_campaign_are_left_and_not_used(written, copied, capsys):
