@@ -4,7 +4,7 @@ import glob
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -27,7 +27,7 @@ from sounder.mpc import Method, Threshold
 from sounder.position import Options
 from sounder.toml import Alternatives, describe, read_toml
 
-MAPS = ("h5", "geojson", "gpkg", "csv", "dxf", "ply", "obj", "xml")
+MapFormat = Literal["h5", "geojson", "gpkg", "csv", "dxf", "ply", "obj", "xml"]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -107,7 +107,7 @@ class Map(_Table):
     ] = None
     heading: Number = 0.0
     outline: Named | None = None
-    formats: tuple[Literal["h5", "geojson", "gpkg", "csv", "dxf", "ply", "obj", "xml"], ...] = ("h5", "geojson")
+    formats: tuple[MapFormat, ...] = ("h5", "geojson")
 
     @property
     def georeference(self) -> Georeference | None:
@@ -199,7 +199,7 @@ class Campaign(_Table):
         jobs: list[Job] = []
         failures: list[str] = []
         spared = {path.resolve() for path in self.named}
-        made = [(out / name).resolve() for name in ("products", *(f"map.{suffix}" for suffix in MAPS))]
+        made = [(out / name).resolve() for name in ("products", *(f"map.{suffix}" for suffix in get_args(MapFormat)))]
         for group in self.recordings:
             files: list[Path] = []
             for pattern in group.files:

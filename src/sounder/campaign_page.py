@@ -42,13 +42,13 @@ def tell(campaign: "Campaign", result: "Result", page: Page) -> None:
     if result.failures:
         page.add("## What failed", _listed(_local(line, campaign) for line in result.failures))
     page.add("## Map", _shown(result.map_figure, result.out, "Map of the walls, reflection points, TX and RX"))
-    _walls(result, page)
+    _walls(campaign, result, page)
     if result.score:
         _score(campaign, result, page)
     _set_up(campaign, positions, page)
     page.add("## Positions")
     page.table(
-        ["position", "line of sight", "TX to RX [m]", "MPCs", "of a reflector", "strongest [ns]", "azimuth [degree]",
+        ["position", "line of sight", "TX to RX [m]", "MPCs", "on reflectors", "strongest [ns]", "azimuth [degree]",
          "path gain [dB]", "directions missing", "with problems", "remarks"],
         [position.row for position in positions],
     )  # fmt: skip
@@ -104,7 +104,7 @@ def _opening(campaign: "Campaign", result: "Result") -> str:
     )
 
 
-def _walls(result: "Result", page: Page) -> None:
+def _walls(campaign: "Campaign", result: "Result", page: Page) -> None:
     located = result.located.attrs
     if "delay_std" in located:
         page.add(
@@ -113,7 +113,9 @@ def _walls(result: "Result", page: Page) -> None:
         )
     table = result.environment.reflectors
     if not table.sizes["reflector"]:
-        page.add("No reflector was found. Walls need MPCs of at least three antenna pairs that agree.")
+        page.add(
+            f"No reflector was found. A wall needs MPCs of {campaign.map.min_support} or more antenna pairs that agree."
+        )
     else:
         page.table(
             ["reflector", "kind", "normal [degree]", "offset [m]", "from [m]", "to [m]", "length [m]", "top [m]",
@@ -205,7 +207,7 @@ def _one(position: _Position, result: "Result", page: Page) -> None:
     if count > SHOWN:
         page.add(f"The strongest {SHOWN} of {count} MPCs:")
     page.table(
-        ["delay [ns]", "azimuth [degree]", "elevation [degree]", "path gain [dB]", "reflector"],
+        ["delay [ns]", "azimuth [degree]", "elevation [degree]", "path gain [dB]", "reflector, or why none"],
         [_component(position.table, position.located, row) for row in range(min(count, SHOWN))],
     )
 
