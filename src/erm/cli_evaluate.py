@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from erm import console
-from erm.errors import DataError
 from erm.outputs import require_suffix, spare_inputs
 
 if TYPE_CHECKING:
@@ -69,12 +68,14 @@ def evaluate(
     require_suffix(figure, ".png", ".pdf", ".svg")
     spare_inputs((figure,), [environment, *(mpcs or []), *([outline] if outline else [])])
     from erm.environment import Environment
+    from erm.outline import known_faces
 
     found = Environment.read(environment)
     if outline is None:
         _by_prediction(mpcs or [], as_json)
     else:
-        _by_outline(found, _truth(outline, found, z_slice, min_visible), mpcs or [], figure, as_json)
+        truth = known_faces(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
+        _by_outline(found, truth, mpcs or [], figure, as_json)
 
 
 def _by_prediction(mpcs: list[Path], as_json: bool) -> None:
@@ -90,19 +91,6 @@ def _by_prediction(mpcs: list[Path], as_json: bool) -> None:
     else:
         console.show(["leave one out", "result"], ([HELD[name], f"{value:.3g}"] for name, value in held.items()))
     console.complain(complaints)
-
-
-def _truth(outline: Path, found: "Environment", z_slice: float | None, min_visible: float) -> "FloatArray":
-    """Faces of an outline or a true map, in the frame of the map found."""
-    from erm.environment import Environment
-    from erm.outline import outline_of, read_outline
-
-    if outline.suffix.lower() in (".geojson", ".json"):
-        return read_outline(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
-    truth = outline_of(Environment.read(outline), found.georeference)
-    if len(truth) == 0:
-        raise DataError(f"{outline}: holds no wall; expected some to judge by")
-    return truth
 
 
 def _by_outline(
