@@ -13,7 +13,7 @@ from erm import console
 from erm.completeness import Completeness, completeness, receivers_of
 from erm.environment import Environment
 from erm.errors import DataError
-from erm.evaluate import evaluate_points, evaluate_walls, on_walls
+from erm.evaluate import evaluate_mpcs, evaluate_walls
 from erm.extras import require
 from erm.figures import plot_map
 from erm.formats import require_format
@@ -190,17 +190,15 @@ def judged(result: Result, outline: NDArray[Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``walls`` of :func:`erm.evaluate.evaluate_walls`; ``points``, errors of reflection points by themselves
-        (``single``) and on their walls (``merged``); ``visible`` of :func:`erm.completeness.completeness`.
+        ``walls`` of :func:`erm.evaluate.evaluate_walls`, ``points`` of :func:`erm.evaluate.evaluate_mpcs` and
+        ``visible`` of :func:`erm.completeness.completeness`.
     """
-    kept = on_walls(result.located, result.environment)
-    points = {"single": kept["reflection_point"].values, "merged": kept["wall_point"].values}
     seen: list[Completeness] = []
     if result.table.sizes["mpc"]:
         seen = completeness(result.environment, outline, receivers_of(result.table))
     return {
         "walls": evaluate_walls(result.environment, outline),
-        "points": {kind: evaluate_points(values, outline) for kind, values in points.items()},
+        "points": evaluate_mpcs(result.located, result.environment, outline),
         "visible": seen,
     }
 
