@@ -21,7 +21,7 @@ def main() -> None:
         b2b = campaign.write_calibration(Path(folder))
         command = ("process", str(path), "--calibration", str(b2b), "--out", f"{folder}/out")
         start = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "sounder.cli", *command], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([sys.executable, "-m", "sounder", *command], check=True, stdout=subprocess.DEVNULL)
         spent = time.perf_counter() - start
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
         size = path.stat().st_size / 2**30

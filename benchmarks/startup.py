@@ -29,8 +29,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = campaign.write_recording(Path(folder), "RX", snapshots=2)
         b2b = campaign.write_calibration(Path(folder))
-        command = ("sounder.cli", "process", str(path), "--calibration", str(b2b), "--out", f"{folder}/out")
-        helps = [timed("sounder.cli", "--help") for _ in range(7)]
+        command = ("sounder", "process", str(path), "--calibration", str(b2b), "--out", f"{folder}/out")
+        helps = [timed("sounder", "--help") for _ in range(7)]
         firsts = [timed(*command, NUMBA_CACHE_DIR=f"{folder}/cache{k}") for k in range(3)]
         seconds = [timed(*command, NUMBA_CACHE_DIR=f"{folder}/cache0") for _ in range(7)]
         jobs, _ = gather([path], calibration=b2b)

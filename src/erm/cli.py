@@ -169,14 +169,10 @@ app.command()(export)
 
 
 def main() -> None:
-    """Entry point of ``erm``."""
+    """Run the command line."""
     console.run(app)
 
 
 def _number(value: float) -> str:
     """Return a count as it is, other numbers to the hundredth, nothing for NaN."""
     return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.2f}"
-
-
-if __name__ == "__main__":
-    main()

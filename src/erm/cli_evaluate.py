@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from erm import console
-from erm.errors import DataError
+from erm.outputs import require_suffix, spare_inputs
 
 if TYPE_CHECKING:
     from erm.environment import Environment
@@ -21,7 +21,7 @@ HELD = {
     "right": "share of these that are predicted",
     "positions_right": "share of positions with all of these predicted",
     "positions_located": "the same, by delay and azimuth alone",
-    "positions_given": "the same, gains as measured given the predicted elevations",
+    "positions_reported": "the same, by the gains that the table reports, whatever the elevation",
     "positions_compatible": "the same, gains within what the measurement is sure of",
     "delay": "of those predicted: median error of delay [s]",
     "azimuth": "median error of azimuth [degree]",
@@ -53,6 +53,9 @@ def evaluate(
         float,
         typer.Option(min=0.0, max=1.0, help="Keep outline features with more than this share visible from a receiver."),
     ] = 0.0,
+    figure: Annotated[
+        Path | None, typer.Option(help="Also draw the map over the outline (.png, .pdf, .svg).", show_default=False)
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Judge a map by a known outline, or by what it predicts."""
@@ -60,13 +63,19 @@ def evaluate(
         raise typer.BadParameter("say what to judge by: either --outline FILE or --leave-one-out")
     if leave_one_out and not mpcs:
         raise typer.BadParameter("--leave-one-out needs the MPCs that the map was made from")
+    if leave_one_out and figure:
+        raise typer.BadParameter("--figure draws the map over an outline; give --outline FILE")
+    require_suffix(figure, ".png", ".pdf", ".svg")
+    spare_inputs((figure,), [environment, *(mpcs or []), *([outline] if outline else [])])
     from erm.environment import Environment
+    from erm.outline import known_faces
 
     found = Environment.read(environment)
     if outline is None:
         _by_prediction(mpcs or [], as_json)
     else:
-        _by_outline(found, _truth(outline, found, z_slice, min_visible), mpcs or [], as_json)
+        truth = known_faces(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
+        _by_outline(found, truth, mpcs or [], figure, as_json)
 
 
 def _by_prediction(mpcs: list[Path], as_json: bool) -> None:
@@ -84,32 +93,29 @@ def _by_prediction(mpcs: list[Path], as_json: bool) -> None:
     console.complain(complaints)
 
 
-def _truth(outline: Path, found: "Environment", z_slice: float | None, min_visible: float) -> "FloatArray":
-    """Faces of an outline or a true map, in the frame of the map found."""
-    from erm.environment import Environment
-    from erm.outline import outline_of, read_outline
-
-    if outline.suffix.lower() in (".geojson", ".json"):
-        return read_outline(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
-    truth = outline_of(Environment.read(outline), found.georeference)
-    if len(truth) == 0:
-        raise DataError(f"{outline}: holds no wall; expected some to judge by")
-    return truth
-
-
-def _by_outline(found: "Environment", truth: "FloatArray", mpcs: list[Path], as_json: bool) -> None:
+def _by_outline(
+    found: "Environment", truth: "FloatArray", mpcs: list[Path], figure: Path | None, as_json: bool
+) -> None:
     """Hold walls, and the reflection points of MPCs, against known faces."""
     from erm.completeness import completeness, receivers_of
     from erm.evaluate import evaluate_mpcs, evaluate_walls, rounded
     from erm.mpc_table import read_mpcs
+    from erm.reconstruct import reconstruct
+    from erm.select import select
 
     result: dict[str, Any] = {"walls": evaluate_walls(found, truth)}
     complaints: list[str] = []
+    located = None
     if mpcs:
         table, complaints = read_mpcs(mpcs)
-        result["points"] = evaluate_mpcs(table, truth)
+        environment, located = reconstruct(select(table))
+        result["points"] = evaluate_mpcs(located, environment, truth)
         seen = completeness(found, truth, receivers_of(table))
         result["visible"] = [row._asdict() for row in seen]
+    if figure:
+        from erm.figures import plot_map
+
+        console.save_figure(plot_map(found, table=located, outline=truth), figure)
     if as_json:
         print(json.dumps(rounded(result), indent=2))
     else:

@@ -9,6 +9,7 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from erm.errors import DataError, OptionError
+from erm.launch import INTERRUPTED
 from erm.storage import SOFTWARE
 from erm.usage import told
 
@@ -17,8 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DATA_FAILED, WRONG_USAGE, INTERRUPTED = 1, 2, 130
-"""Exit codes; the last is that after Ctrl-C."""
+DATA_FAILED, WRONG_USAGE = 1, 2
+"""Exit codes."""
+UNDATED = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+"""Metadata of figures without which the same figure would not be the same bytes."""
 
 
 def run(app: "typer.Typer") -> None:
@@ -130,8 +133,10 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
             figure = drawn.get_figure(root=True)
             if figure is None:
                 raise DataError(f"{path}: axes without a figure cannot be saved")
-            undated = {"CreationDate": None} if path.suffix.lower() == ".pdf" else None
-            figure.savefig(temporary, dpi=160, bbox_inches="tight", metadata=undated)
+            from matplotlib import rc_context
+
+            with rc_context({"svg.hashsalt": path.name}):  # names of parts of an SVG are random without one
+                figure.savefig(temporary, dpi=160, bbox_inches="tight", metadata=UNDATED.get(path.suffix.lower()))
     except ValueError as error:
         raise DataError(f"{path}: {error}") from None
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from erm.geometry import FloatArray
 from erm.mpc_table import path_length
+from erm.propagation import free_space_gain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,6 +23,45 @@ def of_vertical_faces(table: "xr.Dataset") -> FloatArray:
     """Elevation (mpc,) of paths that met vertical faces only, or none: ``sin e = (z_tx - z_rx) / L`` [degree]."""
     climb = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
     return np.asarray(np.rad2deg(np.arcsin(np.clip(climb / path_length(table), -1, 1))))
+
+
+def off_the_ground(table: "xr.Dataset", ground_height: float = 0.0) -> FloatArray:
+    """Elevation (mpc,) of paths that met the ground once, and else vertical faces only [degree].
+
+    ``sin e = -(z_tx + z_rx - 2 z_ground) / L``: their image is as far under the ground as the transmitter is over it.
+    """
+    climb = table["tx_position"].values[:, 2] + table["rx_position"].values[:, 2] - 2 * ground_height
+    return np.asarray(-np.rad2deg(np.arcsin(np.clip(climb / path_length(table), -1, 1))))
+
+
+def implied_gain(table: "xr.Dataset", ground_height: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Path gains given the elevation that each path's own length and the antennas' heights imply.
+
+    Without a ceiling its image is as high as the transmitter, or as far below the ground. Of the two elevations that is
+    taken which is fewer standard errors from the measured one and makes no path stronger than free space.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table (`erm.mpc_table`).
+    ground_height : float
+        [m].
+
+    Returns
+    -------
+    gain, std : array (mpc,)
+        [dB], as measured where neither is possible; see `gain_given`.
+    """
+    free = free_space_gain(path_length(table), table["frequency"].values)
+    best = np.full(table.sizes["mpc"], np.inf)
+    gain, std = table["path_gain"].values.copy(), table["path_gain_std"].values.copy()
+    for elevation in (of_vertical_faces(table), off_the_ground(table, ground_height)):
+        given, left = gain_given(table, elevation)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            away = np.abs(elevation - table["elevation"].values) / table["elevation_std"].values
+        better = (away < best) & ~(given - ALLOWED * left > free)
+        gain[better], std[better], best[better] = given[better], left[better], away[better]
+    return gain, std
 
 
 def gain_given(table: "xr.Dataset", elevation: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -15,8 +15,6 @@ from erm.environment import Environment
 from erm.geometry import FloatArray, angle_difference, azimuth_of, reflection_point
 from erm.mpc_table import path_length
 from erm.outline import outline_of
-from erm.reconstruct import reconstruct
-from erm.select import select
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,8 +93,10 @@ def evaluate_points(
     return result if errors.full is None else result | {"full": summary(errors.full)}
 
 
-def evaluate_mpcs(table: "xr.Dataset", outline: FloatArray) -> dict[str, dict[str, dict[str, float]]]:
-    """Reconstruct from an MPC table and judge the accepted reflection points, three ways.
+def evaluate_mpcs(
+    merged: "xr.Dataset", environment: Environment, outline: FloatArray
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Judge the accepted reflection points of `erm.reconstruct` three ways.
 
     Returns
     -------
@@ -104,7 +104,6 @@ def evaluate_mpcs(table: "xr.Dataset", outline: FloatArray) -> dict[str, dict[st
         `evaluate_points` of ``single``, the point of each path by itself; ``merged``, where the wall of
         all paths reflects it; ``planar``, by the letter's equations with the slant delay.
     """
-    environment, merged = reconstruct(select(table))
     kept = on_walls(merged, environment)
     path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
     planar, _ = reflection_point(*path, planar=True)

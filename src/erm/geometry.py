@@ -190,13 +190,13 @@ def point_covariance(
 ) -> FloatArray:
     r"""First-order covariance of the reflection point.
 
-    With ``t`` the unit vector left of ``u``, the point ``p = rx + r u`` moves by
+    With ``t`` the unit vector left of ``u`` and ``h = z_tx - z_rx``, the point is ``(rx + r u, z_rx + h r / L_h)``, and
 
-    .. math:: \partial p/\partial L_h = u\,(L_h - r)/(L_h + u\cdot d), \qquad
-              \partial p/\partial \alpha = r t - u\, r\,(t\cdot d)/(L_h + u\cdot d)
+    .. math:: \partial r/\partial L_h = (L_h - r)/(L_h + u\cdot d), \qquad
+              \partial r/\partial \alpha = -r\,(t\cdot d)/(L_h + u\cdot d),
 
-    and :math:`\partial L_h/\partial L = L/L_h`. The second vector is tangent to the bistatic ellipse, hence
-    to the face: an azimuth error moves the point along the face, and off it only in second order.
+    with ``du = t da`` and :math:`\partial L_h/\partial L = L/L_h`. Seen from above, an azimuth error moves it along
+    the tangent to the bistatic ellipse, hence along the face, and off it only in second order.
 
     Parameters
     ----------
@@ -205,17 +205,23 @@ def point_covariance(
 
     Returns
     -------
-    array (..., 2, 2)
-        East/north covariance [m2].
+    array (..., 3, 3)
+        East/north/up covariance [m2]; of antennas without heights that of up is zero.
     """
     tx, rx, slant = (np.asarray(value, dtype=float) for value in (tx, rx, path_length))
     length = horizontal_length(tx, rx, slant)
     toward, left = unit(azimuth), unit(np.asarray(azimuth, dtype=float) + 90)
     reach = _reach(tx, rx, length, toward)
     apart = rx[..., :2] - tx[..., :2]
+    climb = 0.0 if tx.shape[-1] == 2 else tx[..., 2] - rx[..., 2]
     sum_ = length + np.sum(toward * apart, axis=-1)
-    by_length = toward * ((length - reach) / sum_ * slant / length)[..., None]
-    by_azimuth = reach[..., None] * (left - toward * (np.sum(left * apart, axis=-1) / sum_)[..., None])
+    further = np.stack([(length - reach) / sum_, -reach * np.sum(left * apart, axis=-1) / sum_], axis=-1)
+    level = toward[..., None, :] * further[..., None]
+    level[..., 1, :] += reach[..., None] * left
+    up = further * (climb / length)[..., None]
+    up[..., 0] -= climb * reach / length**2
+    by_length, by_azimuth = np.moveaxis(np.concatenate([level, up[..., None]], axis=-1), -2, 0)
+    by_length = by_length * (slant / length)[..., None]
     return _propagated(by_length, by_azimuth, path_length_std, np.deg2rad(azimuth_std))
 
 

@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from erm.elevation import gain_given
+from erm.elevation import implied_gain
 from erm.environment import Environment
 from erm.errors import DataError
 from erm.geometry import angle_difference
 from erm.reconstruct import reconstruct
 from erm.select import links, select
 from erm.trace import trace
+from erm.walls.extent import MOST_MARGIN
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,15 +26,16 @@ class Prediction(NamedTuple):
     """How the strongest components of one antenna pair were predicted from all others.
 
     Errors are those of the predicted path nearest in delay and azimuth, prediction less measurement; NaN where none is
-    predicted.
+    predicted. The gain that counts as measured is that at the elevation which delay and heights imply
+    (`erm.elevation.implied_gain`): beyond the fan of a scan a gain is measured only as far as the elevation is known.
     """
 
     position: str
     delay: np.ndarray  # (component,) s
     azimuth: np.ndarray  # (component,) degree
     gain: np.ndarray  # (component,) dB
-    gain_given: np.ndarray  # (component,) dB, to the gain measured if the path arrives at the predicted elevation
     gain_std: np.ndarray  # (component,) dB, of the measurement; 0 where the table gives none
+    gain_reported: np.ndarray  # (component,) dB, to the gain as the table has it
 
     @property
     def located(self) -> np.ndarray:
@@ -48,17 +50,14 @@ class Prediction(NamedTuple):
             return self.located & (np.abs(self.gain) < GAIN)
 
     @property
-    def right_given(self) -> np.ndarray:
-        """Whether (component,) its gain is right given the elevation that the map tells, see `erm.elevation`."""
+    def right_reported(self) -> np.ndarray:
+        """Whether (component,) the gain that the table reports is predicted within the tolerance, too."""
         with np.errstate(invalid="ignore"):
-            return self.located & (np.abs(self.gain_given) < GAIN)
+            return self.located & (np.abs(self.gain_reported) < GAIN)
 
     @property
     def compatible(self) -> np.ndarray:
-        """Whether (component,) its gain is predicted within the tolerance or two standard errors of the measurement.
-
-        The gain of a path that arrives beyond the fan of a scan is measured to some 10 dB only.
-        """
+        """Whether (component,) its gain is predicted within the tolerance or two standard errors of the measurement."""
         with np.errstate(invalid="ignore"):
             return self.located & (np.abs(self.gain) < np.maximum(GAIN, 2 * self.gain_std))
 
@@ -94,46 +93,47 @@ def leave_one_out(
         environment, _ = reconstruct(select(table.isel(mpc=np.flatnonzero(link != one))))
         ends = (held["tx_position"].values[0], held["rx_position"].values[0])
         frequency = float(held["frequency"].values[0])
-        # walls may reflect further than they were seen to, but hide only where they were seen
-        longer = prolonged(environment, beyond)
-        paths = trace(longer, *ends, frequency, max_order=max_order, obstacles=environment)
-        order = np.argsort(-held["path_gain"].values, kind="stable")[:strongest]
+        # walls may reflect further than they were seen to, but hide only where reflection points say that they stand
+        longer = resized(environment, beyond, STOREYS)
+        known = resized(environment, -MOST_MARGIN, -MOST_MARGIN)
+        paths = trace(longer, *ends, frequency, max_order=max_order, obstacles=known)
+        order = np.argsort(-implied_gain(held)[0], kind="stable")[:strongest]
         result.append(compare(held.isel(mpc=order), paths))
     return result
 
 
 def compare(measured: "xr.Dataset", paths: "xr.Dataset") -> Prediction:
     """Errors of the paths of `erm.trace` that are nearest to components of one antenna pair."""
-    errors = np.full((3, measured.sizes["mpc"]), np.nan)
-    given = errors[2]
+    errors = np.full((4, measured.sizes["mpc"]), np.nan)
+    implied, std = implied_gain(measured)
     if paths.sizes["path"]:
         late = paths["delay"].values - measured["delay"].values[:, None]
         aside = angle_difference(paths["azimuth"].values, measured["azimuth"].values[:, None])
         near = np.argmin((late / DELAY) ** 2 + (aside / AZIMUTH) ** 2, axis=1)
         rows, gain = np.arange(len(near)), paths["path_gain"].values[near]
-        errors = np.stack([late[rows, near], aside[rows, near], gain - measured["path_gain"].values])
-        given = gain - gain_given(measured, paths["elevation"].values[near])[0]
-    doubt = np.nan_to_num(measured["path_gain_std"].values)
-    return Prediction(str(measured["position"].values[0]), errors[0], errors[1], errors[2], given, doubt)
+        errors = np.stack([late[rows, near], aside[rows, near], gain - implied, gain - measured["path_gain"].values])
+    delay, azimuth, gain, reported = errors
+    return Prediction(str(measured["position"].values[0]), delay, azimuth, gain, np.nan_to_num(std), reported)
 
 
-def prolonged(environment: Environment, beyond: float) -> Environment:
-    """The same map with its walls longer at either end and higher [m]."""
+def resized(environment: Environment, beyond: float, higher: float) -> Environment:
+    """The same map with its walls longer at either end and higher [m]; none is shortened to less than a tenth."""
     table = environment.reflectors.copy()
     is_wall = table["kind"].values == "wall"
     ends = table["end_points"].values
     along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along[is_wall], axis=-1, keepdims=True)
     step = np.zeros_like(along)
-    step[is_wall] = beyond * along[is_wall] / np.linalg.norm(along[is_wall], axis=-1, keepdims=True)
+    step[is_wall] = np.maximum(beyond / length, -0.45) * along[is_wall]
     table["end_points"] = table["end_points"].copy(data=ends + np.stack([-step, step], axis=1))
-    table["top"] = table["top"].copy(data=table["top"].values + np.where(is_wall, STOREYS, 0.0))
+    table["top"] = table["top"].copy(data=table["top"].values + np.where(is_wall, higher, 0.0))
     return replace(environment, reflectors=table)
 
 
 def score(predictions: list[Prediction]) -> dict[str, Any]:
     """``positions``, ``components``, the share of components predicted ``right``, and of positions with all right.
 
-    Further the shares of positions with all components ``located``, right ``given`` their elevations, and
+    Further the shares of positions with all components ``located``, right by the gains ``reported``, and
     ``compatible``, and the median absolute errors ``delay`` [s], ``azimuth`` [degree] and ``gain`` [dB] of the right
     ones.
     """
@@ -146,7 +146,7 @@ def score(predictions: list[Prediction]) -> dict[str, Any]:
         "right": float(right.mean()),
         "positions_right": float(np.mean([one.right.all() for one in predictions])),
         "positions_located": float(np.mean([one.located.all() for one in predictions])),
-        "positions_given": float(np.mean([one.right_given.all() for one in predictions])),
+        "positions_reported": float(np.mean([one.right_reported.all() for one in predictions])),
         "positions_compatible": float(np.mean([one.compatible.all() for one in predictions])),
         **dict(zip(("delay", "azimuth", "gain"), middle.tolist(), strict=True)),
     }

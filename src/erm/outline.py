@@ -100,6 +100,30 @@ def read_outline(
         raise DataError(f"{path}: {error}") from error
 
 
+def known_faces(
+    path: Path,
+    *,
+    z_slice: float | None = None,
+    min_visible: float = 0.0,
+    georeference: Georeference | None = None,
+) -> FloatArray:
+    """Read the faces (segment, 2 ends, 2) of an outline, or the walls of a true map, by the suffix [m].
+
+    The options are those of `read_outline`.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, or holds no wall.
+    """
+    if path.suffix.lower() in (".geojson", ".json"):
+        return read_outline(path, z_slice=z_slice, min_visible=min_visible, georeference=georeference)
+    faces = outline_of(Environment.read(path), georeference)
+    if len(faces) == 0:
+        raise DataError(f"{path}: holds no wall; expected some to judge by")
+    return faces
+
+
 def outline_of(environment: Environment, georeference: Georeference | None = None) -> FloatArray:
     """Wall segments (segment, 2 ends, 2) of an environment [m]; poles have none.
 

@@ -15,6 +15,8 @@ from erm.constants import c
 from erm.errors import OptionError
 from erm.geometry import FloatArray, angle_difference
 from erm.mpc_table import path_length
+from erm.propagation import free_space_gain
+from erm.sloped import sloped_covariance, sloped_face
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +31,7 @@ MAX_REFLECTION_LOSS = 12.0  # dB; see `select`
 GAIN_EXCESS = 3.0  # dB; two paths in one resolution cell may add up to more than free space
 DIRECT_DELAY = 1e-9  # s; below this excess a face is tangent to the direct path and cannot be located
 DIRECT_AZIMUTH = 5.0  # degree; half a beam
+SURELY_LONGER = 3.0  # standard errors by which a path must be longer than the direct one
 ELEVATION_TOLERANCE = 3.0  # degree beyond the errors; a scan of few elevations is biased at its edge
 
 
@@ -80,8 +83,10 @@ def select(
         ``errors_known`` (false where they were filled in), ``link`` (index of the pair of antennas), ``cluster``,
         ``reflection_loss`` and ``reflection_loss_std`` [dB], given that the elevation is that of a path off vertical
         faces (`erm.elevation`; ``letter`` takes gains as measured), ``accepted``, ``reason``, ``reflection_point``
-        (mpc, xyz) [m], ``normal`` [degree], ``offset`` [m], ``point_covariance`` (mpc, xy, xy_2) [m2] and
-        ``line_covariance`` (mpc, parameter, parameter_2) of (normal, offset). Attributes ``errors_from`` and
+        (mpc, xyz) [m], ``normal`` [degree], ``offset`` [m], ``point_covariance`` (mpc, xyz, xyz_2) [m2] and
+        ``line_covariance`` (mpc, parameter, parameter_2) of (normal, offset), all of a vertical face; ``tilt`` and
+        ``tilt_std`` [degree] of the face, had it any slope (`erm.sloped`); and ``grazing`` where the path is hardly
+        longer than the direct one, so that these errors mean little. Attributes ``errors_from`` and
         ``errors_count`` say what they were filled in from. The face is NaN where the path is not longer than the direct
         one.
     """
@@ -149,8 +154,7 @@ def links(table: "xr.Dataset") -> npt.NDArray[np.int64]:
 
 def reflection_loss(table: "xr.Dataset") -> FloatArray:
     """Free-space gain at the path's length minus its gain (mpc,), ``20 lg(c / (4 pi f L)) - P`` [dB]."""
-    wavelength = c / table["frequency"].values
-    return 20 * np.log10(wavelength / (4 * np.pi * path_length(table))) - table["path_gain"].values
+    return free_space_gain(path_length(table), table["frequency"].values) - table["path_gain"].values
 
 
 def is_direct(table: "xr.Dataset") -> BoolArray:
@@ -245,28 +249,36 @@ def _at_bearing_of_transmitter(table: "xr.Dataset") -> BoolArray:
 
 
 def with_faces(table: "xr.Dataset") -> "xr.Dataset":
-    """The table with the face of each component, were it a single bounce."""
-    path = (
-        table["tx_position"].values,
-        table["rx_position"].values,
-        path_length(table),
-        table["azimuth"].values,
-    )
+    """The table with the face of each component, were it a single bounce; vertical, and its tilt, were it not."""
+    tx, rx = table["tx_position"].values, table["rx_position"].values
+    path = (tx, rx, path_length(table), table["azimuth"].values)
     std = (table["delay_std"].values * c, table["azimuth_std"].values)
     point, normal = geometry.reflection_point(*path)
     _, offset = geometry.face_line(*path)
+    in_space = (*path, table["elevation"].values)
+    errors = np.stack([*std, table["elevation_std"].values], axis=-1)[:, :, None] ** 2 * np.eye(3)
+    _, slope = sloped_covariance(*in_space, errors)
+    excess = path[2] - np.linalg.norm(tx - rx, axis=-1)
+    columns = {
+        "normal": (normal, "degree", "azimuth of the face normal"),
+        "offset": (offset, "m", "distance of the face from the origin along its normal"),
+        "tilt": (sloped_face(*in_space).tilt, "degree", "elevation of the face normal, were the face of any slope"),
+        "tilt_std": (np.sqrt(slope[:, 1, 1]), "degree", "standard deviation of the tilt"),
+        "grazing": (
+            ~(excess > SURELY_LONGER * std[0]),
+            "1",
+            "hardly longer than the direct path: a face of no use alone",
+        ),
+    }
     return table.assign(
-        reflection_point=(
-            ("mpc", "xyz"),
-            np.column_stack([point, geometry.bounce_height(*path)]),
-            {"units": "m", "long_name": "reflection point if the path bounced once"},
-        ),
-        normal=("mpc", normal, {"units": "degree", "long_name": "azimuth of the face normal"}),
-        offset=(
-            "mpc",
-            offset,
-            {"units": "m", "long_name": "distance of the face from the origin along its normal"},
-        ),
-        point_covariance=(("mpc", "xy", "xy_2"), geometry.point_covariance(*path, *std), {"units": "m2"}),
-        line_covariance=(("mpc", "parameter", "parameter_2"), geometry.line_covariance(*path, *std)),
+        {name: ("mpc", values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
+        | {
+            "reflection_point": (
+                ("mpc", "xyz"),
+                np.column_stack([point, geometry.bounce_height(*path)]),
+                {"units": "m", "long_name": "reflection point if the path bounced once"},
+            ),
+            "point_covariance": (("mpc", "xyz", "xyz_2"), geometry.point_covariance(*path, *std), {"units": "m2"}),
+            "line_covariance": (("mpc", "parameter", "parameter_2"), geometry.line_covariance(*path, *std)),
+        }
     )

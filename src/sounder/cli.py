@@ -1,6 +1,7 @@
 """Command line of the sounder: from raw captures to impulse responses, DAPS and MPCs."""
 
 import math
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -167,6 +168,38 @@ def process(
     _report(outcome, out, "product")
 
 
+@app.command("run")
+def run_campaign(
+    campaign: Annotated[Path, typer.Argument(help="Campaign (TOML): recordings, and what is made of them.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for all that is made; default one beside the campaign, named after it.")
+    ] = None,
+) -> None:
+    """Make products, MPC table, map, figures and report of a campaign.
+
+    Positions that were processed before, from the same files with the same options, are not processed again.
+    """
+    from sounder.startup import start_processing
+
+    start_processing()
+    from sounder.campaign import load
+    from sounder.run import REPORT, run
+
+    described = load(campaign)
+    result = run(described, out or described.out)
+    made, positions = console.counted(len(result.products), "product"), console.counted(result.positions, "position")
+    folder = Path(os.path.normpath(result.out))  # for people; with links it may not be the same
+    print(f"{folder}: {made}; {result.already} of {positions} were there already")
+    kind = result.environment.reflectors["kind"].values
+    found = " and ".join(console.counted(int((kind == thing).sum()), thing) for thing in ("wall", "pole"))
+    used, there = int(result.located["accepted"].sum()), console.counted(result.table.sizes["mpc"], "MPC")
+    print(f"map: {found} from {used} of {there}")
+    print(f"report: {folder / REPORT}")
+    for note in result.notes:
+        print(f"note: {note}", file=sys.stderr)
+    console.complain(result.failures)
+
+
 @app.command()
 def figures(
     products: Annotated[list[Path], typer.Argument(readable=False, help="Products of `sounder process`.")],
@@ -257,9 +290,5 @@ def _report(outcome: "Outcome", out: Path, what: str) -> None:
 
 
 def main() -> None:
-    """Entry point of ``sounder``."""
+    """Run the command line."""
     console.run(app)
-
-
-if __name__ == "__main__":
-    main()

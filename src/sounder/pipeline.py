@@ -1,12 +1,13 @@
 """Recordings to products: each position on its own, what fails is named and the rest is done."""
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from erm.errors import DataError
+from erm.storage import clear_leftovers
 from sounder.intake import Job, told_once
-from sounder.position import Filters, Options, Outcome, process_position
+from sounder.position import Filters, Options, Outcome, made_before, process_position
 from sounder.recording import Recording
 
 
@@ -69,6 +70,7 @@ def process(
     threads: int | None = None,
     workers: int = 1,
     scheduler: str | None = None,
+    resume: bool = False,
     progress: Callable[[], None] | None = None,
 ) -> Outcome:
     """Process recordings into one product a position.
@@ -89,6 +91,9 @@ def process(
         Processes on this machine, by dask.
     scheduler : str, optional
         Address of a running dask scheduler, such as ``tcp://host:8786``; its workers must see the same files.
+    resume : bool
+        Leave products that are there already and would be made the same again; what a killed process left half
+        written is removed.
     progress : callable, optional
         Called after each position.
 
@@ -113,6 +118,16 @@ def process(
             return cluster.run(named, options, workers=workers, threads=threads, scheduler=scheduler)
         return (process_position(job, target, options, filters=filters, threads=threads) for job, target in named)
 
+    def followed(named: dict[int, tuple[Job, Path]]) -> Iterator[tuple[int, Outcome]]:
+        """Outcomes by place: of what is there already, then of what is made."""
+        missing = dict(named)
+        for place, (job, target) in named.items() if resume else ():
+            if (part := made_before(job, target, options)) is not None:
+                del missing[place]
+                yield place, part
+            clear_leftovers(target)
+        yield from zip(missing, run(list(missing.values())), strict=True)
+
     parts: dict[int, Outcome] = {}
     while len(parts) < len(jobs):  # once more where a name is free again because its first position failed
         named: dict[int, tuple[Job, Path]] = {}
@@ -125,7 +140,7 @@ def process(
                     refused[place] = Outcome(failures=[str(error)])
         if not named:
             parts |= refused
-        for place, part in zip(named, run(list(named.values())), strict=True):
+        for place, part in followed(named):
             parts[place] = part
             if not part.products:
                 targets.release(named[place][1])
@@ -136,4 +151,5 @@ def process(
         products=[product for place in range(len(jobs)) for product in parts[place].products],
         failures=told_once(told, [job.recording.source for job in jobs]),
         notes=[note for place in range(len(jobs)) for note in parts[place].notes],
+        already=sum(part.already for part in parts.values()),
     )

@@ -1,5 +1,6 @@
 """One position: from its recording to its product, or to what is wrong with it."""
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from erm.errors import DataError
-from erm.storage import provenance, write_product
+from erm.storage import open_group, provenance, write_product
 from sounder import remarks
 from sounder.calibration import Deembedding
 from sounder.correlate import Averaging, Problem, calibrate, impulse_responses
@@ -41,11 +42,14 @@ class Outcome:
         One line each: what could not be processed, or only in part.
     notes : list of str
         One line each: what was processed although something was missing.
+    already : int
+        How many of the products were there and were not made again.
     """
 
     products: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    already: int = 0
 
 
 class Filters:
@@ -70,15 +74,38 @@ def process_position(
     recording = job.recording
     try:
         groups, problems = products_of(recording, filters.of(job), options, threads=threads)
-        groups["/"].attrs.update(_origin(job, options))
+        said = {"failures": remarks.failures(recording, groups, problems), "notes": remarks.notes(recording, groups)}
+        groups["/"].attrs.update(_origin(job, options), **{name: json.dumps(lines) for name, lines in said.items()})
         write_product(groups, target)
     except DataError as error:
         return Outcome(failures=[str(error)])
-    return Outcome(
-        products=[target],
-        failures=remarks.failures(recording, groups, problems),
-        notes=remarks.notes(recording, groups),
-    )
+    return _outcome(recording, target, said)
+
+
+def made_before(job: Job, target: Path, options: Options) -> Outcome | None:
+    """What became of a position whose product is there and would be made the same again; None if it is to be made.
+
+    The same is made of the same input files with the same options by the same version of the software. Files are the
+    same if their hashes are; sizes and times could be those of other contents.
+    """
+    recording = job.recording
+    try:
+        root = open_group(target)
+        said = {name: list(json.loads(root.attrs[name])) for name in ("failures", "notes")}
+        found = root["position"].values.tolist(), *(root[f"{end}_position"].values.tolist() for end in ("tx", "rx"))
+    except (DataError, KeyError, TypeError, ValueError):  # of another version, or none of ours
+        return None
+    # a file can hold many positions, and a description what is in no input: the cut of an antenna
+    asked = [recording.name], [recording.tx_position.tolist()], [recording.rx_position.tolist()]
+    origin = _origin(job, options) | {"sounder": recording.sounder.model_dump_json()}
+    if found != asked or any(root.attrs.get(name) != value for name, value in origin.items()):
+        return None
+    return _outcome(recording, target, said, already=1)
+
+
+def _outcome(recording: Recording, target: Path, said: dict[str, list[str]], already: int = 0) -> Outcome:
+    lines = {name: [f"{recording.source}: {recording.name}: {line}" for line in told] for name, told in said.items()}
+    return Outcome(products=[target], failures=lines["failures"], notes=lines["notes"], already=already)
 
 
 def products_of(
@@ -140,5 +167,6 @@ def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
 
 
 def _origin(job: Job, options: Options) -> dict[str, Any]:
-    sources = {path for path in (job.recording.source, job.b2b.source) if path.is_file()}
+    read = (job.recording.source, job.b2b.source, job.source.layout, job.source.sounder)
+    sources = {path for path in read if path is not None and path.is_file()}
     return provenance("Processed captures of one position", "sounder process", inputs=sources, options=vars(options))

@@ -32,7 +32,7 @@ def failures(recording: Recording, groups: Mapping[str, xr.Dataset], problems: S
     found = [_spoiled(recording, problems, *kind) for kind in kinds]
     if (impossible := _over_free_space(groups["/mpc"], recording)) is not None:
         found.append(impossible)
-    return [f"{_who(recording)}: {failure}" for failure in found]
+    return found
 
 
 def notes(recording: Recording, groups: Mapping[str, xr.Dataset]) -> list[str]:
@@ -52,11 +52,7 @@ def notes(recording: Recording, groups: Mapping[str, xr.Dataset]) -> list[str]:
             f"coherent averaging keeps {100 * kept:.0f} % of the strongest direction's power; "
             "the phase drifts between snapshots: try --averaging phase-aligned"
         )
-    return [f"{_who(recording)}: {note}" for note in found]
-
-
-def _who(recording: Recording) -> str:
-    return f"{recording.source}: {recording.name}"
+    return found
 
 
 def _spoiled(recording: Recording, problems: Sequence[Problem], what: str, then: str) -> str:

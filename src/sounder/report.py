@@ -18,6 +18,8 @@ from sounder import figures, score_figures
 from sounder.config import parse
 from sounder.score import Gates, Score, score, with_snr
 
+KINDS = ("daps_polar", "daps", "pdp")
+"""Figures of a product."""
 TRUTH = "truth/paths.h5 of `sounder simulate`, an MPC table (.csv) or a product"
 
 
@@ -36,15 +38,23 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
     """
     name, daps = _daps(product)
     mpc = open_group(product, "/mpc")
-    drawn: dict[str, Figure] = {}
+    polar, cartesian, profile = (Figure(figsize=(5.6, height), layout="constrained") for height in (4.2, 3.4, 3.2))
+    figures.daps_polar([(name, daps)], _polar(polar))
+    figures.daps_cartesian(daps, cartesian.add_subplot(title=name), mpc=mpc)
+    figures.pdp([(name, daps)], profile.add_subplot())
+    paths = figure_paths(product, out, suffix=suffix)
+    return [_save(figure, path) for figure, path in zip((polar, cartesian, profile), paths, strict=True)]
 
-    drawn["daps_polar"] = Figure(figsize=(5.6, 4.2), layout="constrained")
-    figures.daps_polar([(name, daps)], _polar(drawn["daps_polar"]))
-    drawn["daps"] = Figure(figsize=(5.6, 3.4), layout="constrained")
-    figures.daps_cartesian(daps, drawn["daps"].add_subplot(title=name), mpc=mpc)
-    drawn["pdp"] = Figure(figsize=(5.6, 3.2), layout="constrained")
-    figures.pdp([(name, daps)], drawn["pdp"].add_subplot())
-    return [_save(figure, out / f"{product.stem}_{kind}.{suffix}") for kind, figure in drawn.items()]
+
+def figure_paths(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
+    """Files that :func:`draw_product` writes, in the order of :data:`KINDS`."""
+    return [out / f"{product.stem}_{kind}.{suffix}" for kind in KINDS]
+
+
+def drawn_before(product: Path, paths: Sequence[Path]) -> bool:
+    """Whether all figures are there and younger than their product, so that they show what it holds now."""
+    made = product.stat().st_mtime_ns
+    return all(path.is_file() and path.stat().st_mtime_ns > made for path in paths)
 
 
 def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -> list[Path]:

@@ -1,5 +1,6 @@
 """What a raw or product file holds, and whether it is healthy; as labelled lines."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -70,7 +71,7 @@ def describe_recording(recording: Recording) -> Lines:
         ("kind", "raw recording"),
         ("position", recording.name),
         ("line of sight", {1: "yes", 0: "no"}.get(recording.los, "not known")),
-        *_sounder(recording.sounder),
+        *describe_sounder(recording.sounder),
         ("directions", f"{recording.azimuth.size} azimuths x {recording.elevation.size} elevations"),
         ("snapshots", f"{recording.snapshots} a direction"),
         ("TX position", _metres(recording.tx_position)),
@@ -122,7 +123,7 @@ def describe_back_to_back(b2b: BackToBack) -> Lines:
     return [
         ("kind", "back-to-back recording"),
         ("title", b2b.title),
-        *_sounder(b2b.sounder),
+        *describe_sounder(b2b.sounder),
         ("snapshots", str(len(captures))),
         ("attenuation", f"{b2b.attenuation:g} dB ({measured})"),
         ("sequence found", sequence),
@@ -169,11 +170,17 @@ def _product(path: Path) -> Lines:
             f"{root.attrs['missing_directions']} directions missing, "
             f"{root.attrs['problem_directions']} with zero or clipped samples",
         ),
+        *(
+            (name.removesuffix("s"), line)
+            for name in ("failures", "notes")
+            for line in json.loads(root.attrs.get(name, "[]"))
+        ),
         ("made by", f"{root.attrs['source']}, {root.attrs['processing_options']}"),
     ]
 
 
-def _sounder(sounder: Sounder) -> Lines:
+def describe_sounder(sounder: Sounder) -> Lines:
+    """Name, carrier and waveform of a sounder."""
     waveform = sounder.waveform
     return [
         ("sounder", f"{sounder.name}, {sounder.carrier.frequency / 1e9:g} GHz"),

@@ -107,6 +107,19 @@ def test_a_figure_is_saved_whole_or_told(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
 
 
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_a_figure_saved_twice_is_the_same_bytes_without_a_date(tmp_path, suffix):
+    figure = Figure(figsize=(1, 1))
+    line = figure.add_subplot().plot([0, 1])[0]
+    line.set_clip_path(figure.patch)  # an SVG names it
+    for name in ("one", "two"):
+        console.save_figure(figure, tmp_path / name / f"x.{suffix}")
+    first, second = ((tmp_path / name / f"x.{suffix}").read_bytes() for name in ("one", "two"))
+    assert first == second
+    assert b"CreationDate" not in first  # two in the same second would be the same
+    assert b"<dc:date>" not in first
+
+
 def test_an_interrupt_that_a_library_swallows_is_raised_at_the_next_step(capsys):
     steps = []
 

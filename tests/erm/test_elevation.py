@@ -3,7 +3,7 @@
 import numpy as np
 
 from erm.constants import c
-from erm.elevation import gain_given, of_vertical_faces
+from erm.elevation import gain_given, implied_gain, of_vertical_faces, off_the_ground
 from erm.mpc_table import make_table, read_csv, write_csv
 from erm.select import select
 
@@ -43,6 +43,40 @@ def test_a_path_that_is_known_to_arrive_elsewhere_keeps_its_gain():
     gain, std = gain_given(mpcs, of_vertical_faces(mpcs))
     np.testing.assert_array_equal(gain, mpcs["path_gain"])
     np.testing.assert_array_equal(std, mpcs["path_gain_std"])
+
+
+def test_heights_imply_the_gain_of_paths_off_walls():
+    mpcs = table(np.full_like(TRUE, 10.0), 7.0)
+    mpcs["path_gain"][:] = mpcs["path_gain"].values - 20.0  # over 100 m free space allows -115 dB
+    gain, std = implied_gain(mpcs)
+    np.testing.assert_allclose(gain, -130.0)
+    assert (std < mpcs["path_gain_std"].values).all()
+
+
+def test_a_path_off_the_ground_does_not_get_the_gain_of_one_off_a_wall():
+    # it arrives from as far below the horizon as (28.4 + 1.4) / L, and was seen at the fan's lower edge
+    below = np.rad2deg(np.arcsin(-(TX[2] + RX[2]) / LENGTH))
+    np.testing.assert_allclose(off_the_ground(table(TRUE, 1.0)), below)
+    mpcs = table(np.full_like(TRUE, -10.0), 9.0)
+    lower = -12.0 * ((below + EDGE) / WIDTH) ** 2 + 12.0 * ((-10.0 + EDGE) / WIDTH) ** 2
+    mpcs["path_gain"][:] = -130.0 + lower
+    mpcs["gain_slope"][:] = 24 / WIDTH**2 * (-10.0 + EDGE)
+    gain, _ = implied_gain(mpcs)
+    np.testing.assert_allclose(gain, -130.0)
+    as_off_a_wall, _ = gain_given(mpcs, of_vertical_faces(mpcs))
+    assert (as_off_a_wall[TRUE - mpcs["elevation"].values < 3 * 9.0] > -90).all()  # stronger than free space allows
+
+
+def test_an_elevation_that_makes_a_path_stronger_than_free_space_is_not_implied():
+    # nearer by its error to that of a vertical face, where it would be 8 dB over free space and more
+    mpcs = table(np.full_like(TRUE, 2.0), 12.0)
+    free = 20 * np.log10(c / 132e9 / (4 * np.pi * LENGTH))
+    mpcs["path_gain"][:] = free - 12.0
+    mpcs["path_gain_std"][:] = 1.0
+    mpcs["gain_slope"][:] = 2.0
+    mpcs["gain_curvature"][:] = 0.0
+    gain, std = implied_gain(mpcs)
+    assert (gain < free + 3 * std).all()
 
 
 def test_a_table_without_slopes_keeps_its_gains():

@@ -99,7 +99,8 @@ def test_covariances_are_those_of_finite_differences(quantity):
 
     def value(length, azimuth):
         if quantity == "point":
-            return reflection_point(tx, rx, length, azimuth)[0]
+            path = tx, rx, length, azimuth
+            return np.column_stack([reflection_point(*path)[0], bounce_height(*path)])
         return np.stack(face_line(tx, rx, length, azimuth), axis=-1)
 
     def slope(step_length, step_azimuth, step):
@@ -126,7 +127,7 @@ def test_covariances_are_those_of_random_draws():
     noisy_length = length[:, None] + 0.01 * rng.standard_normal((20, draws))
     noisy_azimuth = azimuth[:, None] + 0.02 * rng.standard_normal((20, draws))
     point, _ = reflection_point(tx[:, None], rx[:, None], noisy_length, noisy_azimuth)
-    expected = point_covariance(tx, rx, length, azimuth, 0.01, 0.02)
+    expected = point_covariance(tx, rx, length, azimuth, 0.01, 0.02)[:, :2, :2]
     for drawn, covariance in zip(point, expected, strict=True):
         whitened = np.linalg.solve(np.linalg.cholesky(covariance), (drawn - drawn.mean(axis=0)).T)
         # a sample covariance of n draws strays by about sqrt(2/n) = 0.01; five of these
@@ -136,7 +137,7 @@ def test_covariances_are_those_of_random_draws():
 def test_an_azimuth_error_moves_the_point_along_the_face():
     tx, rx, length, azimuth, normal, *_ = mirror_scene(7)
     covariance = point_covariance(tx, rx, length, azimuth, 0.0, 1.0)
-    n = unit(normal)
+    n = np.column_stack([unit(normal), np.zeros(len(normal))])
     across = np.einsum("ni,nij,nj->n", n, covariance, n)
     assert np.all(across < 1e-18 * length**2)
 

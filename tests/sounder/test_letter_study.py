@@ -94,13 +94,13 @@ def test_every_route_keeps_its_bars_with_ideal_captures(page):
 
 
 def test_two_runs_give_the_same_numbers(page, tmp_path, monkeypatch):
-    monkeypatch.setattr("erm.letter.page.FORMATS", ())  # that figures repeat themselves is shown for one of them
+    monkeypatch.setattr("erm.page.FORMATS", ())  # that figures repeat themselves is shown for one of them
     again = run(tmp_path, Ideal(), knobs=QUICK)
     assert again.read_bytes() == page.read_bytes()
 
 
 def test_a_study_that_fails_leaves_no_page_beside_figures_that_are_not_its_own(tmp_path, monkeypatch):
-    monkeypatch.setattr("erm.letter.page.FORMATS", ("svg",))
+    monkeypatch.setattr("erm.page.FORMATS", ("svg",))
     (tmp_path / PAGE).write_text("of an earlier run")
     for campaigns, left in ((1, [PAGE]), (5, ["figures", "parity.csv", "reflection_points.csv", "table_3.csv"])):
         with pytest.raises(DataError, match="burnt out"):

@@ -96,6 +96,60 @@ def test_a_position_that_failed_leaves_its_name_to_the_next_recording_of_it(jobs
     assert f"is already taken by {tmp_path / '1.h5'}: position A" in taken
 
 
+def test_products_are_left_where_nothing_changed_and_made_anew_where_anything_did(jobs, tmp_path):
+    batch, out = jobs("A", "B"), tmp_path / "out"
+    first = process(batch, out, resume=True)
+    assert first.already == 0
+    before = {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in first.products}
+    steps = []
+    again = process(batch, out, resume=True, progress=lambda: steps.append(1))
+    assert (again.already, again.products, len(steps)) == (2, first.products, 2)
+    assert {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in again.products} == before
+    assert process(batch, out, options=Options(method="peaks"), resume=True).already == 0
+    assert process(batch, out, resume=True).already == 0  # and back
+    assert {path: path.read_bytes() for path in first.products} == {path: data for path, (_, data) in before.items()}
+    source = batch[0].recording.source
+    size = source.stat().st_size
+    with h5py.File(source, "r+") as file:
+        file["iq"][0, 0, 0, 0, 0] += 1
+    assert source.stat().st_size == size
+    files = [job.recording.source for job in batch]
+    assert process(gather(files, calibration=tmp_path / "b2b.h5")[0], out, resume=True).already == 1
+    with h5py.File(tmp_path / "b2b.h5", "r+") as file:
+        file.attrs["attenuation"] = 61.0
+    assert process(gather(files, calibration=tmp_path / "b2b.h5")[0], out, resume=True).already == 0
+
+
+def test_a_product_of_another_version_is_made_anew(jobs, tmp_path, monkeypatch):
+    batch = jobs("A")
+    process(batch, tmp_path / "out")
+    monkeypatch.setattr(storage, "__version__", "0.0.9")
+    assert process(batch, tmp_path / "out", resume=True).already == 0
+
+
+@pytest.mark.parametrize("spoiled", ["cut short", "no HDF5", "of an earlier version"])
+def test_what_stands_in_a_products_place_and_is_none_is_made_anew(jobs, tmp_path, spoiled):
+    batch = jobs("A")
+    (product,) = process(batch, tmp_path / "out").products
+    whole = product.read_bytes()
+    if spoiled == "of an earlier version":
+        with h5py.File(product, "r+") as file:
+            del file.attrs["notes"]
+    else:
+        product.write_bytes(whole[: len(whole) // 2] if spoiled == "cut short" else b"notes")
+    assert process(batch, tmp_path / "out", resume=True).already == 0
+    assert product.read_bytes() == whole
+
+
+def test_a_position_of_another_ones_name_is_not_taken_for_it(jobs, tmp_path):
+    batch = jobs("A", "A")
+    process(batch[1:], tmp_path / "out")
+    outcome = process(batch, tmp_path / "out", resume=True)
+    assert (outcome.already, len(outcome.products)) == (0, 1)  # the first has the name
+    root = open_group(outcome.products[0])
+    assert root["rx_position"].values.tolist() == [batch[0].recording.rx_position.tolist()]
+
+
 def test_noise_alone_gives_a_legal_product_without_mpcs(jobs, tmp_path):
     outcome = process(jobs("A", count=0), tmp_path / "out")
     assert outcome.failures == []

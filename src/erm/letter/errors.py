@@ -10,8 +10,8 @@ from erm.figures import plot_error_cdf, plot_face_errors, plot_ordinates
 from erm.geometry import FloatArray
 from erm.letter import published, routes
 from erm.letter.methods import COLOURS, MERGED, PLANAR, PRINTED, SINGLE
-from erm.letter.page import Page, cell
 from erm.letter.scatter import printed_signs, scatter
+from erm.page import Page, cell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

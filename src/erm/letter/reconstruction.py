@@ -9,8 +9,8 @@ from erm.explain import names_of
 from erm.figures import mark_width, plot_map
 from erm.geometry import FloatArray
 from erm.letter import corridor, published, routes
-from erm.letter.page import Page
 from erm.outline import outline_of
+from erm.page import Page
 
 SHOWN = ((("Route 1", "Route 2"), "routes_1_2"), (("Route 3", "Route 4"), "routes_3_4"))
 MARKED = 62.0  # m; easting of the arrow across the corridor

@@ -2,7 +2,7 @@
 
 from erm.letter import published, room, routes
 from erm.letter.captures import Campaign
-from erm.letter.page import Page
+from erm.page import Page
 
 
 def opening(page: Page) -> None:

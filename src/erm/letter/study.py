@@ -20,7 +20,7 @@ from erm.letter import (
     verification,
 )
 from erm.letter.captures import Campaign, Captures, Change, Remembered
-from erm.letter.page import Page
+from erm.page import Page
 
 PAGE = "letter.md"
 

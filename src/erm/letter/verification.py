@@ -9,8 +9,8 @@ from erm.letter import published, room
 from erm.letter.captures import Campaign
 from erm.letter.methods import COLOURS
 from erm.letter.outcome import true_points
-from erm.letter.page import Page
 from erm.outline import outline_of
+from erm.page import Page
 
 BARS = {"mean": 0.005, "rmse": 0.010}  # m, for merged walls
 HEADS = ["min [m]", "max [m]", "mean [m]", "RMSE [m]", f"under {room.SMALL} m"]

@@ -60,7 +60,7 @@ def against_strays(paths: Paths, density: float) -> FloatArray:
     """
     length_std = np.hypot(paths.length_std, ROUND)
     covariance = point_covariance(paths.tx, paths.rx, paths.length, paths.azimuth, length_std, paths.azimuth_std)
-    return -np.log(2 * np.pi * np.sqrt(np.linalg.det(covariance)) * density)
+    return -np.log(2 * np.pi * np.sqrt(np.linalg.det(covariance[:, :2, :2])) * density)
 
 
 def log_odds(paths: Paths, cylinder: Cylinder, density: float, in_view: int, min_support: int) -> float:

@@ -61,7 +61,7 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
         return []
     measured = paths.tx, paths.rx, paths.length, paths.azimuth
     points, _ = reflection_point(*measured)
-    starts = Points(points, point_covariance(*measured, *errors(paths.rays)))
+    starts = Points(points, point_covariance(*measured, *errors(paths.rays))[:, :2, :2])
     strays = Strays(paths, points)
     near = within(strays.tree, points, REACH)
     company = near.distinct(paths.link)

@@ -91,6 +91,18 @@ def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path,
     assert "1 wall, 0 false; on 1 of 1 face of the outline" in capsys.readouterr().out
 
 
+def test_a_map_is_drawn_over_the_outline_that_judges_it(tmp_path: Path, mpcs: Path, capsys):
+    out, outline, figure = tmp_path / "map.h5", tmp_path / "outline.geojson", tmp_path / "map.svg"
+    Environment.walls([[[-60, -9.1], [60, -9.1]]]).write(outline)
+    assert run("reconstruct", mpcs, "--out", out) == 0
+    assert run("evaluate", out, mpcs, "--outline", outline, "--figure", figure) == 0
+    drawn = figure.read_text()
+    for label in ("merged wall", "reflection point", "RX", "known outline"):
+        assert f"<!-- {label} -->" in drawn  # matplotlib says beside a text's outlines what it reads
+    assert run("evaluate", out, "--outline", outline, "--figure", outline) == 2  # which would be replaced
+    assert run("evaluate", out, mpcs, "--leave-one-out", "--figure", figure) == 2
+
+
 def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
     Environment.walls([[[-60, 0], [60, 0]]]).write(tmp_path / "map.h5")
     Environment.walls([[[-60, 0.00312], [60, 0.00312]], [[-60, 20], [60, 20]]]).write(tmp_path / "outline.geojson")

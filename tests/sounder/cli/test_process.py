@@ -120,7 +120,7 @@ def test_a_foreign_file_gives_the_same_mpcs(products, joined, tmp_path, capsys):
 def test_in_a_pipe_there_is_the_result_alone(copied):
     command = ["process", copied / "RX1.h5", "--calibration", copied / "back-to-back.h5", "--out", copied / "out"]
     done = subprocess.run(
-        [sys.executable, "-m", "sounder.cli", *map(str, command)], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "sounder", *map(str, command)], capture_output=True, text=True, check=False
     )
     assert done.stderr == ""
     assert done.stdout == f"{copied / 'out'}: 1 product\n"

@@ -51,7 +51,7 @@ class Page:
         """Save a figure as vector PDF and PNG, and show it with a numbered caption."""
         import matplotlib.pyplot as plt
 
-        self._outdate()
+        self.outdate()
         for suffix in FORMATS:
             save_figure(drawn, self._out / "figures" / f"{name}.{suffix}")
         plt.close(drawn.get_figure(root=True))
@@ -61,11 +61,11 @@ class Page:
 
     def file(self, name: str, text: str) -> None:
         """Write a text beside the page."""
-        self._outdate()
+        self.outdate()
         with atomic_path(self._out / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
 
-    def _outdate(self) -> None:
+    def outdate(self) -> None:
         """Remove the page of an earlier run before the first figure or table that is not its own."""
         try:
             self._target.unlink(missing_ok=True)

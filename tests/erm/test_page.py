@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 from erm.errors import DataError
-from erm.letter.page import Page, cell
+from erm.page import Page, cell
 from erm.storage import atomic_path
 
 
