@@ -63,8 +63,8 @@ def against_strays(paths: Paths, density: float) -> FloatArray:
     return -np.log(2 * np.pi * np.sqrt(np.linalg.det(covariance[:, :2, :2])) * density)
 
 
-def log_odds(paths: Paths, cylinder: Cylinder, density: float, in_view: int, min_support: int) -> float:
-    """Log odds of a pole's member paths to be off it, against the likelier of strays and images.
+def log_odds(paths: Paths, cylinder: Cylinder, density: float, min_support: int) -> tuple[float, float]:
+    """Log odds of a pole's member paths to be off it, and to be off images, against strays.
 
     The likelihood of each explanation is the integral of that of the measurements over where the pole stands, or the
     image lies: by Laplace ``2 pi sqrt|C| exp(-chi2 / 2)`` with the fitted covariance ``C``, times `PER_AREA`. The
@@ -72,28 +72,27 @@ def log_odds(paths: Paths, cylinder: Cylinder, density: float, in_view: int, min
     radius, those off a wall are about equal, within `ALIKE`, and those of strays are anywhere in `SPAN`. An image that
     explains some of the paths leaves the others to the strays.
 
-    Few of many links find strays that agree anywhere: that just ``k`` of ``n`` links see something, any share of them
-    being as likely beforehand, has the probability ``B(k + 1, n - k + 1)``, pole or image.
-
     Parameters
     ----------
     paths : Paths
         Members.
     density : float
         Of strays, from `Strays` [1/m2].
-    in_view : int
-        Links that no wall known keeps from seeing the pole.
     min_support : int
         Fewest paths that an image is believed of.
+
+    Returns
+    -------
+    of_pole, of_images : float
+        The latter is 0 where the former is not more.
     """
     single = against_strays(paths, density)
     volume = (2 * np.pi) * np.sqrt(np.linalg.det(cylinder.covariance)) / cylinder.by_loss_std
     of_pole = np.log(PER_AREA * volume) + single.sum() - (cylinder.misfits.sum() + cylinder.pull) / 2
     of_pole += _of_losses(10 * np.log10(cylinder.radii), paths.loss_std)
-    chosen = -betaln(len(paths) + 1, max(in_view - len(paths), 0) + 1)
-    if of_pole < chosen:
-        return float(of_pole - chosen)
     of_images = 0.0
+    if of_pole < 0:
+        return float(of_pole), of_images
     for group in find_groups(paths, min_support):
         own, line = paths.take(group.members), group.line
         # the image moves by 2 depth along the wall a radian, and by 2 towards it a metre
@@ -101,7 +100,16 @@ def log_odds(paths: Paths, cylinder: Cylinder, density: float, in_view: int, min
         misfits = chi_squared(own.rays, residuals(own.rays, line.frame()), (0.0, 0.0, 0.0))
         of_image = np.log(PER_AREA * 2 * np.pi * area) + single[group.members].sum() - misfits.sum() / 2
         of_images += max(of_image + _of_losses(own.loss, own.loss_std), 0.0)
-    return float(of_pole - max(chosen, of_images))
+    return float(of_pole), float(of_images)
+
+
+def of_choice(seeing: int, in_view: int) -> float:
+    """Log probability that just these of the links in view of a place see something there.
+
+    Few of many links find strays that agree anywhere. Any share of links to see being as likely beforehand, that ``k``
+    of ``n`` do has the probability ``B(k + 1, n - k + 1)``, off a pole or an image.
+    """
+    return float(betaln(seeing + 1, max(in_view - seeing, 0) + 1))
 
 
 def _of_losses(level: FloatArray, std: FloatArray) -> float:

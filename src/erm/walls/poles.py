@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from erm.geometry import FloatArray, point_covariance, reflection_point
 from erm.walls.conflicts import BEYOND
 from erm.walls.cylinder import Cylinder, settled
-from erm.walls.evidence import Strays, log_odds
+from erm.walls.evidence import Strays, log_odds, of_choice
 from erm.walls.extent import Legs, footprint, stretches
 from erm.walls.images import within
 from erm.walls.line import Lines
@@ -27,7 +27,7 @@ from erm.walls.wall import Wall
 
 REACH = 2.0  # m; members' points lie this near to a pole
 LEAST_LOSS = 6.0  # dB; a cylinder seen from farther than its radius loses more
-LEAST_ODDS = 3.0  # log; of 2800 poles likelier than this on random streets three were none
+LEAST_ODDS = 3.0  # log; of 2800 likelier than this on random streets three were no poles
 OFF_WALL = 0.5  # m; what is nearer to a wall is its roughness, or a pilaster
 
 
@@ -82,10 +82,13 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     poles: list[Pole] = []
     for (one, members), crowd in zip(fitted, density.tolist(), strict=True):
         own = paths.take(members)
-        if standing.touch(one) or np.mean(standing.hide(one, own)) > 0.5:
+        of_pole, of_images = log_odds(own, one, crowd, min_support)
+        if of_pole - of_images < LEAST_ODDS or standing.touch(one) or np.mean(standing.hide(one, own)) > 0.5:
             continue
-        in_view = int(np.count_nonzero(~standing.hide(one, links)))
-        if log_odds(own, one, crowd, in_view, min_support) > LEAST_ODDS:
+        # where a pole is weaker than to all that see it, nobody expects it
+        near_by = links.take(_spread(one, links) <= _spread(one, own).max())
+        in_view = int(np.count_nonzero(~standing.hide(one, near_by)))
+        if of_pole + of_choice(len(members), in_view) > LEAST_ODDS:
             poles.append(Pole(one.centre, one.covariance[:2, :2], one.by_loss, one.top, rows[members], one.strain))
     return poles
 
@@ -105,6 +108,12 @@ def _fitted(paths: Paths, tree: cKDTree, found: Sequence[Start], min_support: in
             free[one[1]] = False
             fitted.append(one)
     return fitted
+
+
+def _spread(pole: Cylinder, links: Paths) -> FloatArray:
+    """What the power off a thin pole falls with (path,), ``d1 d2 (d1 + d2)`` [m3]."""
+    first, second = (np.linalg.norm(end[:, :2] - pole.centre, axis=-1) for end in (links.tx, links.rx))
+    return first * second * (first + second)
 
 
 def _tried(paths: Paths, starts: Points, around: Ragged, free: BoolArray, min_support: int) -> list[Trial[Start]]:
