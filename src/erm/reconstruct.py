@@ -11,6 +11,7 @@ from erm.environment import Environment, Slab, make_reflectors
 from erm.materials import Material
 from erm.mpc_table import path_length
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
+from erm.walls.bends import unbent
 from erm.walls.consensus import find_groups
 from erm.walls.decide import ACCIDENTAL, Verdict, decide
 from erm.walls.extent import MOST_MARGIN, Legs, ends_of
@@ -70,6 +71,10 @@ def reconstruct(
     paths, groups = joined(first, groups, paths_of(table, rows), np.searchsorted(rows, certain), min_support)
     sure, as_measured = len(paths), len(groups)
     paths, groups, longer = _with_later(table, paths, groups, min_support)
+    left = np.arange(len(paths)) < sure
+    left[np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])] = False
+    straight = unbent(paths, groups[:as_measured], left, min_support)
+    groups, as_measured = straight + groups[as_measured:], len(straight)
 
     def decided() -> Verdict:
         candidates = [Wall(paths, group.line, group.members) for group in groups]
