@@ -233,9 +233,9 @@ class Search:
         if by_chance > BY_CHANCE * np.count_nonzero(inside):
             return None
         chain, rows, chi2 = chain[inside], rows[inside], chi2[inside]
-        # one path a link for each chain, one chain for each path
+        # one chain for each path, one path a link for each chain: a path given twice counts once
         number = np.unique(chain, axis=0, return_inverse=True)[1].ravel()
-        for of_path in (False, True):
+        for of_path in (True, False):
             key = rows if of_path else number * (self.paths.link.max() + 1) + self.paths.link[rows]
             order = np.lexsort((chi2, key))
             best = np.sort(order[first_of_each(key[order])])
