@@ -115,8 +115,12 @@ def test_a_campaign_that_was_copied_says_no_more_than_once(seed):
     copy["position"] = ("mpc", np.char.add(table["position"].values, " again"))
     here, _ = reconstruct(select(table))
     there, _ = reconstruct(select(xr.concat([table, copy], dim="mpc")))
-    kind = here.reflectors["kind"].values == "wall"
-    np.testing.assert_allclose(numbers(there)[: kind.sum()], numbers(here)[: kind.sum()], rtol=1e-6, atol=1e-6)
+    once, twice = numbers(here), numbers(there)
+    # what lies on the edge of a gate may fall to either side, as the number of all paths counts in what is chance
+    walls = {"once": once[once[:, 4] > 0], "twice": twice[twice[:, 4] > 0]}
+    assert len(walls["once"]) == len(walls["twice"])
+    assert np.all(np.abs(walls["twice"][:, 5] - walls["once"][:, 5]) <= 1)
+    assert np.all(walls["twice"][:, 4] > 0.9 * walls["once"][:, 4])  # twice the paths would have 0.71
 
 
 @random_places

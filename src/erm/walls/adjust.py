@@ -21,7 +21,8 @@ from erm.walls.phantom import LOSS_TOLERANCE, image_slopes, mirror_of
 from erm.walls.ragged import first_of_each
 from erm.walls.wall import Wall
 
-MOST = 1e8  # chains times paths among which they are looked for; a large city has more, and paths of chance for each
+MOST_CHAINS = 20_000  # looked for, from all transmitters; a large city has more, and paths of chance for each
+MOST = 1e8  # chains times paths among which they are looked for
 BY_CHANCE = 0.05  # share of chains that may have been found by chance
 RING = 3.0  # outer radius of the ring in which chance is counted, in radii of the gate
 ROUNDS = 3  # of looking for chains and fitting; the lines of one find the chains of the next
@@ -195,7 +196,8 @@ class Search:
         found = []
         tried = np.stack([first, second], axis=1)
         for _ in range(2):
-            if not 0 < len(tried) * len(self.paths) <= MOST:
+            chains = len(tried) * len(self.images.transmitters)
+            if not 0 < chains <= MOST_CHAINS or len(tried) * len(self.paths) > MOST:
                 break
             some = self._met(tried, lines, covariance)
             if some is not None:
