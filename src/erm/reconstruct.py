@@ -72,7 +72,8 @@ def reconstruct(
     paths, groups = joined(first, groups, paths_of(table, rows), np.searchsorted(rows, certain), min_support)
     sure, as_measured = len(paths), len(groups)
     paths, groups, longer = _with_later(table, paths, groups, min_support)
-    left = np.arange(len(paths)) < sure
+    left = np.zeros(len(paths), dtype=bool)
+    left[np.searchsorted(rows, certain)] = True  # the others make no wall longer
     left[np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])] = False
     straight = unbent(paths, groups[:as_measured], left, min_support)
     groups, as_measured = straight + groups[as_measured:], len(straight)

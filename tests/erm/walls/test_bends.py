@@ -151,3 +151,18 @@ def test_a_stepped_facade_is_several_walls():
         off = np.abs(middle[:, 1:] - depth).min(axis=1)
         assert np.median(off) < 0.03
         assert np.all(np.abs(depth - middle[:, 1:]).min(axis=0) < 0.1)
+
+
+def test_paths_that_may_be_too_weak_for_a_wall_make_a_facade_no_longer():
+    # eight sure paths off one half of a wall, and three off the other whose gains are wrong by who knows how much
+    tx = np.array([0.0, 0.0, 12.0])
+    rx = np.column_stack([np.r_[np.linspace(-40, 0, 8), 14.0, 16.0, 18.0], np.full(11, 5.0), np.full(11, 1.5)])
+    wall = (270.0, -30.0)
+    unsure = np.arange(11) >= 8
+    part = bounces(np.tile(tx, (11, 1)), rx, wall, loss=np.where(unsure, 32.0, 6.0))
+    table = joined([part], DELAY_STD, AZIMUTH_STD, 4)
+    table["delay_std"][:], table["azimuth_std"][:] = DELAY_STD, AZIMUTH_STD
+    table["path_gain_std"][:] = np.where(unsure, 12.0, 0.5)
+    environment, _ = reconstruct(select(table))
+    # the last sure path bounces at 0 m, the unsure ones 8 to 10 m from there; half a metre is the margin
+    assert environment.reflectors["end_points"].values[..., 0].max() < 1.0
