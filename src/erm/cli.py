@@ -68,6 +68,7 @@ def reconstruct(
     from erm.formats import require_format
     from erm.members import added, read_members, write_map
     from erm.mpc_table import read_mpcs, write_reflection_points
+    from erm.reasons import left_out
     from erm.reconstruct import reconstruct as merge_walls
     from erm.select import select
     from erm.storage import provenance
@@ -108,6 +109,8 @@ def reconstruct(
     )
     found = f"{console.counted(np.sum(kind == 'wall'), 'wall')} and {console.counted(np.sum(kind == 'pole'), 'pole')}"
     print(f"{out}: {found} from {int(merged.accepted.sum())} of {table.sizes['mpc']} components")
+    for line in left_out(merged, min_support):
+        print(line)
     if "delay_std" in merged.attrs:
         errors = merged.attrs["delay_std"] * 1e9, merged.attrs["azimuth_std"]
         source = merged.attrs["errors_from"]

@@ -129,6 +129,11 @@ def _print(result: Mapping[str, Any], faces: int) -> None:
         f"{console.counted(walls['walls'], 'wall')}, {walls['false']} false; "
         f"on {walls['found']} of {console.counted(faces, 'face')} of the outline, seen by a receiver or not"
     )
+    shares = {
+        "the length on the map is on a face": walls["correctness"],
+        "the outline has a wall": walls["completeness"],
+    }
+    print("; ".join(f"{_digits(100 * share) or '-'} % of {what}" for what, share in shares.items()))
     errors = {"walls: offset [m]": walls["offset_error"], "walls: angle [degree]": walls["angle_error"]}
     for kind, summaries in result.get("points", {}).items():
         errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}

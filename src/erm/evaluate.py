@@ -90,7 +90,7 @@ def evaluate_points(
     """Summaries of `point_errors`: ``perpendicular``, ``distance`` and, with ``true_points``, ``full``."""
     errors = point_errors(points, outline, true_points)
     result = {"perpendicular": summary(errors.perpendicular), "distance": summary(errors.distance)}
-    return result if errors.full is None else result | {"full": summary(errors.full)}
+    return result if errors.full is None else result | {"full": summary(errors.full[np.isfinite(errors.full)])}
 
 
 def evaluate_mpcs(
@@ -102,13 +102,33 @@ def evaluate_mpcs(
     -------
     dict
         `evaluate_points` of ``single``, the point of each path by itself; ``merged``, where the wall of
-        all paths reflects it; ``planar``, by the letter's equations with the slant delay.
+        all paths reflects it; ``planar``, by the letter's equations with the slant delay. The true point is where the
+        face that the wall stands for reflects the path (`specular_points`).
     """
     kept = on_walls(merged, environment)
     path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
     planar, _ = reflection_point(*path, planar=True)
     points = {"single": kept["reflection_point"].values, "merged": kept["wall_point"].values, "planar": planar}
-    return {kind: evaluate_points(value, outline) for kind, value in points.items()}
+    true = specular_points(*path[:2], outline[point_errors(points["merged"], outline).face])
+    return {kind: evaluate_points(value, outline, true) for kind, value in points.items()}
+
+
+def specular_points(tx: FloatArray, rx: FloatArray, faces: FloatArray) -> FloatArray:
+    """Where (path, 2) faces, if they go on, reflect the paths between antennas; NaN if these stand on two sides of one.
+
+    Parameters
+    ----------
+    tx, rx : array (path, 2 or more)
+        [m].
+    faces : array (path, 2 ends, 2)
+        One for each path [m].
+    """
+    along = faces[:, 1] - faces[:, 0]
+    n = np.stack([-along[:, 1], along[:, 0]], axis=-1) / np.linalg.norm(along, axis=-1)[:, None]
+    behind, before = (np.sum((end[:, :2] - faces[:, 0]) * n, axis=-1) for end in (tx, rx))
+    share = np.where(behind * before > 0, before, np.nan) / np.where(behind * before > 0, behind + before, 1.0)
+    image = tx[:, :2] - 2 * behind[:, None] * n
+    return rx[:, :2] + share[:, None] * (image - rx[:, :2])
 
 
 def on_walls(merged: "xr.Dataset", environment: Environment) -> "xr.Dataset":

@@ -11,12 +11,14 @@ from erm.environment import Environment, Slab, make_reflectors
 from erm.materials import Material
 from erm.mpc_table import path_length
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
+from erm.walls.adjust import adjusted
+from erm.walls.bends import unbent
 from erm.walls.consensus import find_groups
-from erm.walls.decide import ACCIDENTAL, Verdict, decide
+from erm.walls.decide import ACCIDENTAL, CHAIN, Verdict, decide
 from erm.walls.extent import MOST_MARGIN, Legs, ends_of
 from erm.walls.loss import refractive_index_squared
 from erm.walls.paths import IntArray, Paths
-from erm.walls.pieces import Links
+from erm.walls.pieces import Links, pieces_of
 from erm.walls.poles import Pole, find_poles
 from erm.walls.search import joined, search
 from erm.walls.turns import Group
@@ -69,6 +71,11 @@ def reconstruct(
     paths, groups = joined(first, groups, paths_of(table, rows), np.searchsorted(rows, certain), min_support)
     sure, as_measured = len(paths), len(groups)
     paths, groups, longer = _with_later(table, paths, groups, min_support)
+    left = np.zeros(len(paths), dtype=bool)
+    left[np.searchsorted(rows, certain)] = True  # the others make no wall longer
+    left[np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])] = False
+    straight = unbent(paths, groups[:as_measured], left, min_support)
+    groups, as_measured = straight + groups[as_measured:], len(straight)
 
     def decided() -> Verdict:
         candidates = [Wall(paths, group.line, group.members) for group in groups]
@@ -82,10 +89,11 @@ def reconstruct(
         groups = list(compress(groups, believed))
         verdict = decided()
     table = _unwrapped(table, longer, verdict.walls, sure)
+    verdict, chains = _adjusted(table, verdict, paths, max_gap)
     in_line = [*verdict.walls, *(wall for wall, why in verdict.rejected if why != ACCIDENTAL)]
-    taken = np.concatenate([np.empty(0, dtype=np.int64), *(wall.paths.row for wall in in_line)])
+    taken = np.concatenate([chains, *(wall.paths.row for wall in in_line)])
     poles, of_poles = _poles(table, taken, verdict.walls, min_support)
-    environment, enriched = _map(verdict, poles, of_poles, table)
+    environment, enriched = _map(verdict, chains, poles, of_poles, table)
     image = np.full(table.sizes["mpc"], -1)
     for number, group in enumerate(groups):
         image[paths.row[group.members[group.members < sure]]] = number
@@ -134,6 +142,31 @@ def _unwrapped(table: "xr.Dataset", longer: "xr.Dataset", walls: list[Wall], cou
     chosen = xr.concat([table, longer], dim="mpc").isel(mpc=source)
     periods = np.round((chosen["delay"].values - table["delay"].values) / table["wrap_period"].values)
     return chosen.assign(periods=("mpc", np.nan_to_num(periods).astype(np.int64)))
+
+
+def _adjusted(table: "xr.Dataset", verdict: Verdict, paths: Paths, max_gap: float) -> tuple[Verdict, IntArray]:
+    """Walls fitted to the chains of bounces off them, too; and the rows of these, however much they lost.
+
+    Not where receivers are uncertain: what these are off by is in a wall's own path and in the chains alike.
+    """
+    if table.attrs.get("rx_std", 0.0) > 0:
+        return verdict, np.empty(0, dtype=np.int64)
+    nowhere = ("direct path", "ground bounce", "no longer than the direct path")
+    free = ~np.isin(table["reason"].values, nowhere) & fits_vertical_face(table)
+    free[np.concatenate([np.empty(0, dtype=np.int64), *(wall.paths.row for wall in verdict.walls)])] = False
+    rest = paths_of(table, np.flatnonzero(free))
+    widened = (
+        std * float(np.median(of / table[name].values[paths.row] / unit)) if len(paths) else std
+        for std, of, name, unit in (
+            (rest.length_std, paths.length_std, "delay_std", c),
+            (rest.azimuth_std, paths.azimuth_std, "azimuth_std", 1.0),
+        )
+    )
+    walls, rows = adjusted(verdict.walls, rest.with_errors(*widened), max_gap)
+    if not len(rows):
+        return verdict, rows
+    pieces = pieces_of(walls, lines_of_sight(table), _links(table), max_gap)
+    return verdict._replace(walls=walls, pieces=pieces), rows
 
 
 def _poles(table: "xr.Dataset", taken: IntArray, walls: list[Wall], min_support: int) -> tuple[list[Pole], Paths]:
@@ -193,7 +226,9 @@ def paths_of(table: "xr.Dataset", rows: IntArray) -> Paths:
     )
 
 
-def _map(verdict: Verdict, poles: list[Pole], of_poles: Paths, table: "xr.Dataset") -> tuple[Environment, "xr.Dataset"]:
+def _map(
+    verdict: Verdict, chains: IntArray, poles: list[Pole], of_poles: Paths, table: "xr.Dataset"
+) -> tuple[Environment, "xr.Dataset"]:
     """Cut walls into stretches, and say in the table which component belongs to which."""
     ground = float(table.attrs.get("ground_height", 0.0))
     reason = table["reason"].values.astype(object)
@@ -203,6 +238,7 @@ def _map(verdict: Verdict, poles: list[Pole], of_poles: Paths, table: "xr.Datase
     wall_point = np.full((table.sizes["mpc"], 3), np.nan)
     for wall, why in verdict.rejected:
         reason[wall.paths.row] = why
+    reason[chains] = CHAIN
     names = ("end_points", "top", "normal", "offset", "covariance", "support", "residual", "material")
     columns: dict[str, list] = {name: [] for name in names}
     for wall, pieces in zip(verdict.walls, verdict.pieces, strict=True):

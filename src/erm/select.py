@@ -130,6 +130,7 @@ def select(
         "delay_window": delay_window,
         "azimuth_window": azimuth_window,
         "ground_height": ground_height,
+        "rx_std": rx_std,
     }
     return (
         with_faces(table)

@@ -8,7 +8,7 @@ import pytest
 
 from erm.environment import Environment
 from erm.errors import DataError
-from erm.evaluate import evaluate_points, evaluate_walls, face_hits, point_errors, rounded, summary
+from erm.evaluate import evaluate_points, evaluate_walls, face_hits, point_errors, rounded, specular_points, summary
 from erm.outline import outline_of, read_outline
 
 SQUARE = np.array([[[0, 0], [10, 0]], [[10, 0], [10, 10]], [[10, 10], [0, 10]], [[0, 10], [0, 0]]], dtype=float)
@@ -20,6 +20,14 @@ def test_perpendicular_error_is_blind_along_the_face_and_distance_is_not():
     np.testing.assert_allclose(errors.distance, [0.3, np.hypot(3, 0.4)])
     assert errors.full is not None
     np.testing.assert_allclose(errors.full, [np.hypot(1, 0.3), np.hypot(3, 0.4)])
+
+
+def test_a_face_reflects_where_the_angles_are_equal_whichever_way_it_was_drawn():
+    tx, rx = np.array([[2.0, 6.0, 9.0]]), np.array([[11.0, 3.0, 1.5]])
+    for face in (SQUARE[:1], SQUARE[:1, ::-1]):
+        # heights of 6 and 3 m above the face divide the 9 m between the antennas 2 to 1
+        np.testing.assert_allclose(specular_points(tx, rx, face), [[8.0, 0.0]], atol=1e-12)
+    assert np.isnan(specular_points(tx, -rx, SQUARE[:1])).all()
 
 
 def test_errors_do_not_depend_on_the_frame():

@@ -87,7 +87,7 @@ def _chains(
     own = np.array([m.line.covariance for m in mirrors])
     absolute = offsets + np.sum(unit(normals) * pivots, axis=-1)
     first = mirrored(tx, normals, absolute)
-    slopes = _slopes(normals, offsets, tx - pivots)
+    slopes = image_slopes(normals, offsets, tx - pivots)
     spread = np.sqrt(np.trace(slopes @ own @ slopes.swapaxes(1, 2), axis1=1, axis2=2))
     radius = 4 * (np.sqrt(np.trace(covariance)) + 2 * spread.max() + SMOOTH)
     tree = cKDTree(first)
@@ -110,7 +110,7 @@ def _chains(
         chain = chain[chosen]
         place, total = np.broadcast_to(tx, (len(chain), 2)), np.zeros((len(chain), 2, 2))
         for mirror in chain.T:
-            slope = _slopes(normals[mirror], offsets[mirror], place - pivots[mirror])
+            slope = image_slopes(normals[mirror], offsets[mirror], place - pivots[mirror])
             n = unit(normals[mirror])
             turn = np.eye(2) - 2 * n[:, :, None] * n[:, None, :]
             total = turn @ total @ turn + slope @ own[mirror] @ slope.swapaxes(1, 2)
@@ -122,7 +122,7 @@ def _chains(
     return found
 
 
-def _slopes(normal: FloatArray, offset: FloatArray, relative: FloatArray) -> FloatArray:
+def image_slopes(normal: FloatArray, offset: FloatArray, relative: FloatArray) -> FloatArray:
     """Derivatives (n, 2, 2) of images by (normal [degree], offset [m]), points (n, 2) counted from the pivots."""
     n, m = unit(normal), unit(normal + 90)
     depth, along = offset - np.sum(n * relative, axis=-1), np.sum(m * relative, axis=-1)
@@ -131,7 +131,7 @@ def _slopes(normal: FloatArray, offset: FloatArray, relative: FloatArray) -> Flo
 
 def _image_slopes(line: Line, point: FloatArray) -> FloatArray:
     """Derivative (2, 2) of a point's image by (normal [degree], offset [m])."""
-    return _slopes(np.array([line.normal]), np.array([line.offset]), (point - line.pivot)[None])[0]
+    return image_slopes(np.array([line.normal]), np.array([line.offset]), (point - line.pivot)[None])[0]
 
 
 def _carries(paths: Paths, chain: Sequence[Mirror]) -> BoolArray:

@@ -85,6 +85,9 @@ def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path,
     assert result["walls"]["offset_error"]["rmse"] == pytest.approx(0.1, abs=1e-3)
     assert result["points"]["single"]["perpendicular"]["mean"] == pytest.approx(0.1, abs=1e-3)
     assert result["points"]["planar"]["perpendicular"]["mean"] > 0.3
+    # exact paths off a wall 0.1 m off the outline's, which reflects them some centimetres along it from there
+    assert 0.1 < result["points"]["merged"]["full"]["mean"] < 0.2
+    assert result["points"]["planar"]["full"]["mean"] > result["points"]["planar"]["perpendicular"]["mean"]
     assert result["visible"][0]["length"] == pytest.approx(120)  # every receiver sees the one wall
     assert 0 < result["visible"][0]["share"] < 0.5  # of which only the middle reflected
     assert run("evaluate", out, "--outline", outline) == 0
@@ -107,8 +110,9 @@ def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
     Environment.walls([[[-60, 0], [60, 0]]]).write(tmp_path / "map.h5")
     Environment.walls([[[-60, 0.00312], [60, 0.00312]], [[-60, 20], [60, 20]]]).write(tmp_path / "outline.geojson")
     assert run("evaluate", tmp_path / "map.h5", "--outline", tmp_path / "outline.geojson") == 0
-    walls, header, offset, _ = capsys.readouterr().out.splitlines()
+    walls, shares, header, offset, _ = capsys.readouterr().out.splitlines()
     assert walls == "1 wall, 0 false; on 1 of 2 faces of the outline, seen by a receiver or not"
+    assert shares == "100 % of the length on the map is on a face; 50 % of the outline has a wall"
     told = dict(zip(header.split("\t"), offset.split("\t"), strict=True))
     assert (told["error"], told["count"], told["rmse"]) == ("walls: offset [m]", "1", "0.00312")
 

@@ -1,0 +1,75 @@
+"""Measurements that tell of no wall: a legal map, no failure, and a line that says why."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.constants import c
+
+from erm.environment import Environment
+from erm.geometry import azimuth_of, mirrored
+from erm.mpc_table import empty_table, make_table, write_csv
+
+from .commands import run
+
+TX = np.array([-40.0, 3.0, 12.0])
+
+
+def table(rx, wall=None):
+    """One component a receiver: off a wall (normal, offset), or the direct path."""
+    tx = np.tile(TX, (len(rx), 1))
+    seen = (tx[:, :2] if wall is None else mirrored(tx, *wall)) - rx[:, :2]
+    length = np.hypot(np.linalg.norm(seen, axis=-1), TX[2] - rx[:, 2])
+    gain = 20 * np.log10(c / 132e9 / (4 * np.pi * length)) - (0 if wall is None else 6)
+    return make_table(
+        {"position": np.array([f"RX{i}" for i in range(len(rx))]), "tx_position": tx, "rx_position": rx}
+        | {"frequency": 132e9, "delay": length / c, "azimuth": azimuth_of(seen), "path_gain": gain}
+    )
+
+
+def places(count):
+    return np.column_stack([np.linspace(-20, 30, count), np.linspace(-2, 4, count), np.full(count, 1.5)])
+
+
+WALL = (90.0, -9.0)
+SHARED = "no wall shared with other positions"
+CASES = {
+    "no MPCs": (empty_table(), ["no components: nothing arrived that could tell of a wall"]),
+    "one MPC": (
+        table(places(1), WALL),
+        [f"left out: 1 {SHARED}", "1 antenna pair: a wall needs paths of 3 or more that share it"],
+    ),
+    "two positions": (
+        table(places(2), WALL),
+        [f"left out: 2 {SHARED}", "2 antenna pairs: a wall needs paths of 3 or more that share it"],
+    ),
+    "all LoS": (table(places(6)), ["left out: 6 direct path"]),
+    "one position five times": (
+        table(np.repeat(places(1), 5, axis=0), WALL),
+        [f"left out: 5 {SHARED}", "1 antenna pair: a wall needs paths of 3 or more that share it"],
+    ),
+}
+
+
+@pytest.mark.parametrize("suffix", ["h5", "geojson", "gpkg", "csv"])
+@pytest.mark.parametrize("case", CASES)
+def test_what_tells_of_no_wall_is_a_legal_map_and_a_reason(tmp_path: Path, capsys, case, suffix):
+    mpcs, reasons = CASES[case]
+    out = tmp_path / f"map.{suffix}"
+    write_csv(mpcs, tmp_path / "mpcs.csv")
+    assert run("reconstruct", tmp_path / "mpcs.csv", "--out", out) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    said = [line for line in printed.out.splitlines() if not line.startswith(("reflector\t", "typical errors"))]
+    assert said == [f"{out}: 0 walls and 0 poles from 0 of {mpcs.sizes['mpc']} components", *reasons]
+    assert Environment.read(out).reflectors.sizes["reflector"] == 0
+
+
+def test_positions_on_a_line_are_a_wall_and_what_is_left_out_is_told(tmp_path: Path, capsys):
+    rx = np.column_stack([np.linspace(-20, 30, 6), np.full(6, 2.0), np.full(6, 1.5)])
+    both = [table(rx, WALL), table(rx)]
+    for number, part in enumerate(both):
+        write_csv(part, tmp_path / f"{number}.csv")
+    assert run("reconstruct", tmp_path / "0.csv", tmp_path / "1.csv", "--out", tmp_path / "map.csv") == 0
+    printed = capsys.readouterr().out
+    assert "1 wall and 0 poles from 6 of 12 components\nleft out: 6 direct path\n" in printed
