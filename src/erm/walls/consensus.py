@@ -11,7 +11,7 @@ import numpy as np
 
 from erm.walls.crowd import fewest_partners
 from erm.walls.fit import fit_lines
-from erm.walls.images import Images
+from erm.walls.images import Images, side_by_side
 from erm.walls.line import Lines
 from erm.walls.loss import scattered
 from erm.walls.paths import BoolArray, IntArray, Paths
@@ -39,6 +39,16 @@ def find_groups(
     """
     if len(paths) == 0:
         return []
+    near = side_by_side(paths)
+    place = np.empty_like(near)
+    place[near] = np.arange(len(near))
+    known = [Group(group.line, np.sort(place[group.members])) for group in known]
+    groups = _found(paths.take(near), min_support, known, None if seeds is None else seeds[near])
+    return [Group(group.line, np.sort(near[group.members])) for group in groups]
+
+
+def _found(paths: Paths, min_support: int, known: Sequence[Group], seeds: BoolArray | None) -> list[Group]:
+    """`find_groups` of one path at least, of which those are near each other in memory whose images are."""
     images = Images(paths)
     turns = Turns[Group](paths.row, max(min_support, 2))
     if known:
@@ -50,7 +60,7 @@ def find_groups(
     enough = agreeing >= (1 if several else min_support - 1)
     if seeds is not None:
         enough &= seeds
-    order = np.lexsort((paths.length, np.round(paths.loss, 6), -agreeing))
+    order = np.lexsort((paths.row, paths.length, np.round(paths.loss, 6), -agreeing))
     fewest = fewest_partners(images, agreeing)
     enough &= agreeing >= fewest
     left = images

@@ -32,15 +32,12 @@ def settle(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None
     Those that start from ``seeds`` (line,) are only begun where an earlier one gathers the seed at once.
     """
     count = len(lines.normal)
-    later = np.zeros(count, dtype=bool)
-    going = np.arange(count)
+    later = np.zeros(count, dtype=bool) if seeds is None else _taken_before(images, lines, free, seeds)
+    going = np.flatnonzero(~later)
     members: list[IntArray] = [np.empty(0, dtype=np.int64)] * count
     owners, rows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for turn in range(ROUNDS + 1):
         gathered, _ = gather(images, lines.take(going), free)
-        if turn == 0 and seeds is not None:
-            later = _taken_before(seeds, gathered, len(images.paths))
-            going, gathered = going[~later], gathered.take(np.flatnonzero(~later))
         owners.append(going[gathered.owner])
         rows.append(gathered.rows)
         settled = np.array(
@@ -62,9 +59,10 @@ def settle(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None
     return Settled(lines, Ragged.of_lists(members), Ragged.of_pairs(owner[order], row[order], count), later)
 
 
-def _taken_before(seeds: IntArray, gathered: Ragged, count: int) -> BoolArray:
-    """Whether (line,) an earlier line that is not itself so gathered the seed of each, one of ``count`` paths."""
-    line_of = np.full(count, -1)
+def _taken_before(images: Images, lines: Lines, free: BoolArray, seeds: IntArray) -> BoolArray:
+    """Whether (line,) an earlier line that is not itself so gathers the seed of each at once."""
+    gathered, _ = gather(images.only(np.sort(seeds)), lines, free)
+    line_of = np.full(len(images.paths), -1)
     line_of[seeds] = np.arange(len(seeds))
     by, of = gathered.owner, line_of[gathered.rows]
     taken = np.zeros(len(seeds), dtype=bool)
