@@ -37,7 +37,7 @@ class Grid:
         self._start = np.concatenate([[0], np.cumsum(np.bincount(key, minlength=count))]) if listed else None
 
     def within(self, places: FloatArray, sheet: IntArray, radius: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Pairs (place, point) no farther apart than the radius (place,) of the place, on its sheet, and squares of that."""
+        """Pairs (place, point) no farther apart than the radius (place,) of the place, on its sheet, and its square."""
         first, low = self._cells(places - radius[:, None])
         last, high = self._cells(places + radius[:, None])
         first, low = np.maximum(first, 0), np.maximum(low, 0)
