@@ -134,7 +134,7 @@ class Images:
             kept = self.paths.link[first + path] != self.paths.link[partner]
             path, partner = path[kept], partner[kept]
             apart = self.points[first + path] - self.points[partner]
-            agree = _mahalanobis(apart, self.covariance[first + path] + self.covariance[partner]) < GATE
+            agree = mahalanobis(apart, self.covariance[first + path] + self.covariance[partner]) < GATE
             sizes.append(np.bincount(path[agree], minlength=len(some)))
             rows.append(partner[agree])
         return Ragged(np.concatenate(rows), np.concatenate([[0], np.cumsum(np.concatenate(sizes))]))
@@ -171,7 +171,7 @@ def _places(paths: Paths) -> FloatArray:
     return places
 
 
-def _mahalanobis(apart: FloatArray, covariance: FloatArray) -> FloatArray:
+def mahalanobis(apart: FloatArray, covariance: FloatArray) -> FloatArray:
     """``d' C**-1 d`` of vectors (..., 2)."""
     a, b, d = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
     x, y = apart[..., 0], apart[..., 1]

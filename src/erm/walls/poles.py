@@ -16,7 +16,8 @@ from erm.walls.chance import UNSEEN
 from erm.walls.conflicts import BEYOND
 from erm.walls.consensus import find_groups
 from erm.walls.extent import Legs, footprint, stretches
-from erm.walls.images import GATE, within
+from erm.walls.grid import Grid
+from erm.walls.images import GATE, mahalanobis
 from erm.walls.line import Lines
 from erm.walls.paths import BoolArray, Paths
 from erm.walls.pieces import SOLID_GAP, as_lines, span
@@ -51,24 +52,32 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     paths = paths.take(rows)
     if len(paths) < min_support:
         return []
+    min_support = max(min_support, fewest_links(len(paths)))
     measured = paths.tx, paths.rx, paths.length, paths.azimuth
     points, _ = reflection_point(*measured)
     starts = Points(points, point_covariance(*measured, *errors(paths.rays)))
-    near = within(cKDTree(points), points, REACH)
+    sheet, reach = np.zeros(len(paths), dtype=np.int64), np.full(len(paths), REACH)
+    near = Ragged.of_pairs(*Grid(points, sheet, REACH).within(points, sheet, reach)[:2], len(paths))
     links = near.distinct(paths.link)
+    of = near.owner
+    # of two members d' (C1 + C2)**-1 d is no more than the sum of what each departs from the pole
+    apart = mahalanobis(points[of] - points[near.rows], starts.covariance[of] + starts.covariance[near.rows])
+    enough = near.kept(apart < 2 * GATE).distinct(paths.link) >= min_support
     order = np.lexsort((paths.length, -links))
     turns = Turns[Pole](np.arange(len(paths)), min_support)
     turns.take(
-        order[links[order] >= min_support],
+        order[enough[order]],
         lambda seeds, free: _tried(paths, starts.take(seeds), near.take(seeds), free, min_support),
         near,
     )
-    most = [ACCIDENTS if len(pole.members) < PLENTY else 1.0 for pole in turns.found]
-    found = [pole for pole, limit in zip(turns.found, most, strict=True) if _accidents(paths, pole) <= limit]
+    tree = cKDTree(points)
+    found = [pole for pole in turns.found if not _accidental(paths, tree, pole)]
     if not found:
         return []
+    members = np.zeros(len(paths), dtype=bool)
+    members[np.concatenate([pole.members for pole in found])] = True
     chain = np.full(len(paths), -1)
-    for number, group in enumerate(find_groups(paths, 3)):
+    for number, group in enumerate(find_groups(paths, 3, seeds=members)):
         chain[group.members] = number
     standing = Standing(walls)
     poles: list[Pole] = []
@@ -92,24 +101,43 @@ def _tried(paths: Paths, starts: Points, around: Ragged, free: BoolArray, min_su
     return [Trial(pole, before) for pole, before in zip(found, seen, strict=True)]
 
 
-def _accidents(paths: Paths, pole: Pole) -> float:
-    """Poles of as many links that would be found if all paths came from anywhere, as many as about this one.
+def fewest_links(count: int) -> int:
+    """Fewest links that make a pole among ``count`` paths: an accident of fewer is never excluded."""
+    links = 3
+    while count * chance_of(links, 0) > _allowed(links):
+        links += 1
+    return links
+
+
+def chance_of(links: int, others: int) -> float:
+    """Probability that a point laid by one path has by chance the company of as many more as make ``links``.
 
     With ``n`` paths in the ring from one to `RING` radii of the gate, the gate holds ``m = (n + 1/2) / (RING**2 - 1)``
-    by chance. Each of the ``N`` paths lays a point, and ``N P(Poisson(m) >= support - 1)`` have as much company.
+    by chance, and ``P(Poisson(m) >= k)`` is the regularised incomplete gamma function ``P(k, m)``.
     """
-    support = max(len(pole.members) - 1, 1)
-    least = float(len(paths) * gammainc(support, UNSEEN / (RING**2 - 1)))
-    if least > ACCIDENTS:
-        return least
-    others = np.ones(len(paths), dtype=bool)
-    others[pole.members] = False
+    return float(gammainc(max(links - 1, 1), (others + UNSEEN) / (RING**2 - 1)))
+
+
+def _allowed(links: int) -> float:
+    """Accidents that may be expected beside a pole of so many links."""
+    return ACCIDENTS if links < PLENTY else 1.0
+
+
+def _accidental(paths: Paths, tree: cKDTree, pole: Pole) -> bool:
+    """Whether poles of as many links would be found if all paths came from anywhere, as many as about this one.
+
+    Each of the ``N`` paths lays a point, so ``N`` times `chance_of` are expected. Mostly those tell whose points, in a
+    tree, are near; that there are enough others farther off, with azimuths that are not better known, need not be asked.
+    """
+    limit = _allowed(len(pole.members))
     inward = pole.centre - middle_of_antennas(paths.take(pole.members), np.array([0, len(pole.members)]))[0]
     surface = pole.centre - pole.radius * inward / np.linalg.norm(inward)
-    chi2 = misfit(paths.rays.take(others), surface, pole.covariance)
-    chance = (np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE)) + UNSEEN) / (RING**2 - 1)
-    # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
-    return float(len(paths) * gammainc(support, chance))
+    for rows in (np.array(tree.query_ball_point(surface, RING * REACH), dtype=np.int64), np.arange(len(paths))):
+        chi2 = misfit(paths.rays.take(rows[~np.isin(rows, pole.members)]), surface, pole.covariance)
+        about = np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE))
+        if len(paths) * chance_of(len(pole.members), about) > limit:
+            return True
+    return False
 
 
 class Standing:

@@ -34,29 +34,29 @@ def settle(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None
     count = len(lines.normal)
     later = np.zeros(count, dtype=bool) if seeds is None else _taken_before(images, lines, free, seeds)
     going = np.flatnonzero(~later)
-    members: list[IntArray] = [np.empty(0, dtype=np.int64)] * count
-    owners, rows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    before = Ragged(np.empty(0, dtype=np.int64), np.zeros(len(going) + 1, dtype=np.int64))
+    owners: list[IntArray] = []
+    rows: list[IntArray] = []
+    last: list[tuple[IntArray, IntArray]] = []  # owners and rows of what lines ended with
     for turn in range(ROUNDS + 1):
         gathered, _ = gather(images, lines.take(going), free)
         owners.append(going[gathered.owner])
         rows.append(gathered.rows)
-        settled = np.array(
-            [np.array_equal(members[line], new) for line, new in zip(going.tolist(), gathered, strict=True)], dtype=bool
-        )
-        for line, new in zip(going.tolist(), gathered, strict=True):
-            members[line] = new
+        settled = gathered.same(before)
+        enough = gathered.sizes > 1
+        ends = settled | ~enough | (turn == ROUNDS)
+        own = gathered.take(np.flatnonzero(ends))
+        last.append((going[ends][own.owner], own.rows))
         if turn == ROUNDS:
             break
-        enough = gathered.sizes > 1
-        going, settled, gathered = going[enough], settled[enough], gathered.take(np.flatnonzero(enough))
-        fitted = fit_lines(images.paths.rays, gathered, lines.take(going), np.where(settled, STEPS, ROUGHLY))
+        going, settled, before = going[enough], settled[enough], gathered.take(np.flatnonzero(enough))
+        fitted = fit_lines(images.paths.rays, before, lines.take(going), np.where(settled, STEPS, ROUGHLY))
         lines = lines.put(going, fitted)
-        going = going[~settled]
+        going, before = going[~settled], before.take(np.flatnonzero(~settled))
         if len(going) == 0:
             break
-    owner, row = np.concatenate(owners), np.concatenate(rows)
-    order = np.argsort(owner, kind="stable")
-    return Settled(lines, Ragged.of_lists(members), Ragged.of_pairs(owner[order], row[order], count), later)
+    members = Ragged.gathered([one for one, _ in last], [own for _, own in last], count)
+    return Settled(lines, members, Ragged.gathered(owners, rows, count), later)
 
 
 def _taken_before(images: Images, lines: Lines, free: BoolArray, seeds: IntArray) -> BoolArray:
