@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from erm.walls.crowd import fewest_partners
+from erm.walls.crowd import COMPANY, fewest_partners
 from erm.walls.fit import fit_lines
 from erm.walls.images import Images, side_by_side
 from erm.walls.line import Lines
@@ -52,15 +52,18 @@ def _found(paths: Paths, min_support: int, known: Sequence[Group], seeds: BoolAr
     images = Images(paths)
     turns = Turns[Group](paths.row, max(min_support, 2))
     if known:
-        lines = Lines.of([group.line for group in known])
-        turns.take(np.arange(len(known)), lambda some, free: _grown(images, lines.take(some), free))
-    partners = images.partners()
+        lines, members = Lines.of([group.line for group in known]), Ragged.of_lists([group.members for group in known])
+        turns.take(
+            np.arange(len(known)), lambda some, free: _grown(images, lines.take(some), free, before=members.take(some))
+        )
+    partners = images.partners(seeds)
     agreeing = partners.distinct(paths.link)
     several = len(images.transmitters) > 1  # a wall may have one path from each of several transmitters
     enough = agreeing >= (1 if several else min_support - 1)
+    order = np.lexsort((paths.row, paths.length, np.round(paths.loss, 6), -agreeing))
     if seeds is not None:
         enough &= seeds
-    order = np.lexsort((paths.row, paths.length, np.round(paths.loss, 6), -agreeing))
+        agreeing[~(turns.free | seeds)] = COMPANY  # their partners were not looked for, but a group has them
     fewest = fewest_partners(images, agreeing)
     enough &= agreeing >= fewest
     left = images
@@ -91,9 +94,11 @@ def _from_seeds(
     return trials
 
 
-def _grown(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None) -> list[Trial[Group] | None]:
+def _grown(
+    images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None, before: Ragged | None = None
+) -> list[Trial[Group] | None]:
     """Groups that lines gather; None of those whose seeds an earlier one is likely to take."""
-    lines, members, seen, later = settle(images, lines, free, seeds)
+    lines, members, seen, later = settle(images, lines, free, seeds, before)
     return [
         None if later[number] else Trial(Group(lines.one(number), own), before)
         for number, (own, before) in enumerate(zip(members, seen, strict=True))

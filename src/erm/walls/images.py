@@ -115,29 +115,35 @@ class Images:
         of, rows = zip((nothing, nothing), *pairs, strict=True)
         return np.concatenate(of), np.concatenate(rows)
 
-    def partners(self) -> Ragged:
-        """Paths of the same transmitter and another link whose images agree with that of each within their errors."""
-        count = min(NEIGHBOURS + 1, len(self.paths))
+    def partners(self, seeds: BoolArray | None = None) -> Ragged:
+        """Paths of the same transmitter and another link whose images agree with that of each within their errors.
+
+        Of others than ``seeds`` (path,) none are told.
+        """
+        total = len(self.paths)
+        count = min(NEIGHBOURS + 1, total)
         if count < 2:
-            return Ragged(np.empty(0, dtype=np.int64), np.zeros(len(self.paths) + 1, dtype=np.int64))
-        radius = REACH * np.sqrt(2) * float(self.across.max())
+            return Ragged(np.empty(0, dtype=np.int64), np.zeros(total + 1, dtype=np.int64))
+        bound = max(REACH * np.sqrt(2) * float(self.across.max()), 1e-6)
         # neighbours one after another find the same part of the tree in the processor's cache
-        order = self.tree.indices
-        bound = max(radius, 1e-6)
-        near = np.empty((len(order), count), dtype=np.int32)
-        near[order] = self.tree.query(self.tree.data[order], k=count, distance_upper_bound=bound, workers=-1)[1]
-        sizes, rows = [], []
-        for first in range(0, len(order), BATCH):
+        order = self.tree.indices if seeds is None else self.tree.indices[seeds[self.tree.indices]]
+        asked = np.sort(order)
+        near = np.empty((len(asked), count), dtype=np.int32)
+        near[np.searchsorted(asked, order)] = self.tree.query(
+            self.tree.data[order], k=count, distance_upper_bound=bound, workers=-1
+        )[1]
+        sizes, rows = np.zeros(total, dtype=np.int64), [np.empty(0, dtype=np.int64)]
+        for first in range(0, len(asked), BATCH):
             some = near[first : first + BATCH]
-            path, place = np.nonzero(some < len(self.paths))
-            partner = some[path, place].astype(np.int64)
-            kept = self.paths.link[first + path] != self.paths.link[partner]
+            row, place = np.nonzero(some < total)
+            path, partner = asked[first + row], some[row, place].astype(np.int64)
+            kept = self.paths.link[path] != self.paths.link[partner]
             path, partner = path[kept], partner[kept]
-            apart = self.points[first + path] - self.points[partner]
-            agree = mahalanobis(apart, self.covariance[first + path] + self.covariance[partner]) < GATE
-            sizes.append(np.bincount(path[agree], minlength=len(some)))
+            apart = self.points[path] - self.points[partner]
+            agree = mahalanobis(apart, self.covariance[path] + self.covariance[partner]) < GATE
+            sizes += np.bincount(path[agree], minlength=total)
             rows.append(partner[agree])
-        return Ragged(np.concatenate(rows), np.concatenate([[0], np.cumsum(np.concatenate(sizes))]))
+        return Ragged(np.concatenate(rows), np.concatenate([[0], np.cumsum(sizes)]))
 
 
 def side_by_side(paths: Paths) -> IntArray:

@@ -38,9 +38,9 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
     """
     if not walls:
         return []
-    prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
-    spans = np.array([span(print_) for print_ in prints])
     thinned = [wall.thinned(TELLING) for wall in walls]
+    prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in thinned]
+    spans = np.array([span(print_) for print_ in prints])
     legs = [legs_of(wall) for wall in thinned]
     start = np.vstack([sight.start, *(leg.start for leg in legs)])
     end = np.vstack([sight.end, *(leg.end for leg in legs)])
@@ -78,7 +78,9 @@ def _silent(wall: Wall, number: int, prints: Sequence[Footprint], tree: shapely.
     after = np.searchsorted(along, place)
     asked = (after > 0) & (after < len(along))
     asked[asked] = np.diff(along)[after[asked] - 1] > SOLID
-    asked &= ~np.isin(front, wall.paths.link)
+    saw = np.zeros(len(links.tx), dtype=bool)
+    saw[wall.paths.link] = True
+    asked &= ~saw[front]
     front, after = front[asked], after[asked]
     points = bounce_points(wall.line, links.tx[front], links.rx[front])
     length = np.linalg.norm(links.tx[front] - points, axis=-1) + np.linalg.norm(links.rx[front] - points, axis=-1)

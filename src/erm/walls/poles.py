@@ -126,8 +126,8 @@ def _allowed(links: int) -> float:
 def _accidental(paths: Paths, tree: cKDTree, pole: Pole) -> bool:
     """Whether poles of as many links would be found if all paths came from anywhere, as many as about this one.
 
-    Each of the ``N`` paths lays a point, so ``N`` times `chance_of` are expected. Mostly those tell whose points, in a
-    tree, are near; that there are enough others farther off, with azimuths that are not better known, need not be asked.
+    Each of the ``N`` paths lays a point, so ``N`` times `chance_of` are expected. Where those alone whose points, in a
+    tree, are near are enough for that, the others are not asked.
     """
     limit = _allowed(len(pole.members))
     inward = pole.centre - middle_of_antennas(paths.take(pole.members), np.array([0, len(pole.members)]))[0]

@@ -26,15 +26,19 @@ class Settled(NamedTuple):
     later: BoolArray  # lines that were left alone, as an earlier one is likely to take their seeds
 
 
-def settle(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None) -> Settled:
+def settle(
+    images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None, before: Ragged | None = None
+) -> Settled:
     """Let lines gather the free paths that agree with them, and fit them to these, until they no longer change.
 
-    Those that start from ``seeds`` (line,) are only begun where an earlier one gathers the seed at once.
+    Those that start from ``seeds`` (line,) are only begun where an earlier one gathers the seed at once. What lines
+    were fitted to ``before`` is settled if they gather the same.
     """
     count = len(lines.normal)
     later = np.zeros(count, dtype=bool) if seeds is None else _taken_before(images, lines, free, seeds)
     going = np.flatnonzero(~later)
-    before = Ragged(np.empty(0, dtype=np.int64), np.zeros(len(going) + 1, dtype=np.int64))
+    nothing = Ragged(np.empty(0, dtype=np.int64), np.zeros(len(going) + 1, dtype=np.int64))
+    before = nothing if before is None else before.take(going)
     owners: list[IntArray] = []
     rows: list[IntArray] = []
     last: list[tuple[IntArray, IntArray]] = []  # owners and rows of what lines ended with
