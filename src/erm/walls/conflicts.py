@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from erm.geometry import FloatArray
-from erm.walls.extent import CLEARANCE, TELLING, Footprint, Legs, footprint, legs_of, stretches
+from erm.walls.extent import CLEARANCE, TELLING, Footprint, Legs, footprint, legs_of, stretches, without_strays
 from erm.walls.line import Frame, Lines
 from erm.walls.paths import BoolArray, IntArray
 from erm.walls.pieces import SOLID_GAP, as_lines, span
@@ -34,10 +34,9 @@ class Conflicts:
     """
 
     def __init__(self, walls: Sequence[Wall], sight: Legs, hopeful: BoolArray) -> None:
+        prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall, _ in map(without_strays, walls)]
         seen = np.array([wall.support for wall in walls], dtype=np.int64)
         walls = [wall.thinned(TELLING) for wall in walls]
-        # of thousands so many strays lie along the line that they leave no gap of `SOLID_GAP` in it, of hundreds not
-        prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
         self.support = np.array([wall.support for wall in walls], dtype=np.int64)
         self._asked = self.support / seen
         legs = [sight, *(legs_of(wall) for wall in walls)]

@@ -7,7 +7,18 @@ import numpy as np
 import shapely
 
 from erm.geometry import FloatArray
-from erm.walls.extent import SOLID, TELLING, Footprint, Legs, Stretch, expected_places, footprint, legs_of, stretches
+from erm.walls.extent import (
+    SOLID,
+    TELLING,
+    Footprint,
+    Legs,
+    Stretch,
+    expected_places,
+    footprint,
+    legs_of,
+    stretches,
+    without_strays,
+)
 from erm.walls.line import bounce_points
 from erm.walls.wall import Wall
 
@@ -39,7 +50,8 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
     if not walls:
         return []
     thinned = [wall.thinned(TELLING) for wall in walls]
-    prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in thinned]
+    walls, kept = zip(*(without_strays(wall) for wall in walls), strict=True)
+    prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
     spans = np.array([span(print_) for print_ in prints])
     legs = [legs_of(wall) for wall in thinned]
     start = np.vstack([sight.start, *(leg.start for leg in legs)])
@@ -57,7 +69,8 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
         silent = _silent(wall, number, prints, tree, links)
         cut = stretches(wall, max_gap, Legs(start[crossing], end[crossing]), silent)
         # one point far from the others may be another wall's that lies in line but for a few centimetres
-        pieces.append([piece for piece in cut if len(piece.members) > 1] or cut)
+        whole = [piece for piece in cut if len(piece.members) > 1] or cut
+        pieces.append([piece._replace(members=kept[number][piece.members]) for piece in whole])
     return pieces
 
 

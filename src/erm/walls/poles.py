@@ -134,7 +134,7 @@ def _accidental(paths: Paths, tree: cKDTree, pole: Pole) -> bool:
     surface = pole.centre - pole.radius * inward / np.linalg.norm(inward)
     for rows in (np.array(tree.query_ball_point(surface, RING * REACH), dtype=np.int64), np.arange(len(paths))):
         chi2 = misfit(paths.rays.take(rows[~np.isin(rows, pole.members)]), surface, pole.covariance)
-        about = np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE))
+        about = int(np.count_nonzero((chi2 > GATE) & (chi2 < RING**2 * GATE)))
         if len(paths) * chance_of(len(pole.members), about) > limit:
             return True
     return False
