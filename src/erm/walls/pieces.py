@@ -59,8 +59,10 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
     owner = np.r_[
         np.full(len(sight.start), -1), np.repeat(np.arange(len(walls)), [2 * wall.support for wall in thinned])
     ]
-    hull, leg = shapely.STRtree(as_lines(start, end)).query(shapely.linestrings(spans), predicate="intersects")
-    tree = shapely.STRtree(shapely.linestrings(spans))
+    tree = shapely.STRtree(shapely.linestrings(spans))  # of walls, which are fewer than legs by far
+    leg, hull = tree.query(as_lines(start, end), predicate="intersects")
+    order = np.argsort(hull, kind="stable")
+    leg, hull = leg[order], hull[order]
     edges = np.searchsorted(hull, np.arange(len(walls) + 1))
     pieces = []
     for number, wall in enumerate(walls):
