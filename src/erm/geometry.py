@@ -57,6 +57,20 @@ def unit(azimuth: npt.ArrayLike) -> FloatArray:
     return vector
 
 
+def distinct_rows(points: FloatArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """First row (place,) of each different point (n, coordinate), ordered by coordinates, and place (n,) of each.
+
+    What ``np.unique(points, axis=0)`` tells, in a quarter of its time: that compares rows byte by byte.
+    """
+    order = np.lexsort(points.T[::-1])
+    ranked = points[order]
+    new = np.ones(len(points), dtype=bool)
+    new[1:] = (ranked[1:] != ranked[:-1]).any(axis=1)
+    place = np.empty(len(points), dtype=np.int64)
+    place[order] = np.cumsum(new) - 1
+    return order[new], place
+
+
 def azimuth_of(vector: npt.ArrayLike) -> FloatArray:
     """Azimuth in [0, 360) of horizontal vectors (..., 2 or more) [degree, counter-clockwise from east]."""
     vector = np.asarray(vector, dtype=float)

@@ -8,6 +8,7 @@ import numpy as np
 
 from erm.constants import c
 from erm.environment import Environment, Slab, make_reflectors
+from erm.geometry import distinct_rows
 from erm.materials import Material
 from erm.mpc_table import path_length
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CLEAR = 3.0  # standard errors by which the strain of a reflector must exceed 1, to say that its errors were too small
+OF_PATHS = (
+    *("tx_position", "rx_position", "delay", "azimuth", "elevation", "delay_std", "azimuth_std", "elevation_std"),
+    *("link", "reflection_loss", "reflection_loss_std", "frequency"),
+)
 COVERED = "no wall shared with other positions"
 
 
@@ -67,8 +72,9 @@ def reconstruct(
     certain = rows[table["reflection_loss"].values[rows] <= table.attrs["max_reflection_loss"]]
     known = table["errors_known"].values[certain]
     before = None if start is None else start[certain]
-    first, groups = search(paths_of(table, certain), known, min_support, table.attrs.get("errors_count", 0), before)
-    paths, groups = joined(first, groups, paths_of(table, rows), np.searchsorted(rows, certain), min_support)
+    paths, groups = search(paths_of(table, certain), known, min_support, table.attrs.get("errors_count", 0), before)
+    if len(certain) < len(rows):
+        paths, groups = joined(paths, groups, paths_of(table, rows), np.searchsorted(rows, certain), min_support)
     sure, as_measured = len(paths), len(groups)
     paths, groups, longer = _with_later(table, paths, groups, min_support)
     left = np.zeros(len(paths), dtype=bool)
@@ -204,10 +210,9 @@ def _links(table: "xr.Dataset") -> Links:
 
 def paths_of(table: "xr.Dataset", rows: IntArray) -> Paths:
     """Return the accepted rows as arrays, in an order that neither frame nor row numbers decide."""
-    chosen = table.isel(mpc=rows)
+    chosen = table[list(OF_PATHS)].isel(mpc=rows)
     length, loss = path_length(chosen), chosen["reflection_loss"].values
     tx = chosen["tx_position"].values
-    _, transmitter = np.unique(tx, axis=0, return_inverse=True)
     return Paths(
         tx=tx,
         rx=chosen["rx_position"].values,
@@ -216,7 +221,7 @@ def paths_of(table: "xr.Dataset", rows: IntArray) -> Paths:
         length_std=chosen["delay_std"].values * c,
         azimuth_std=chosen["azimuth_std"].values,
         link=chosen["link"].values,
-        transmitter=transmitter.ravel(),
+        transmitter=distinct_rows(tx)[1],
         loss=loss,
         loss_std=chosen["reflection_loss_std"].values,
         wavelength=c / chosen["frequency"].values,

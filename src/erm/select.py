@@ -149,8 +149,8 @@ def select(
 def links(table: "xr.Dataset") -> npt.NDArray[np.int64]:
     """Index (mpc,) of the TX-RX pair of each component, numbered as they first appear."""
     ends = np.hstack([table["tx_position"].values, table["rx_position"].values])
-    _, first, index = np.unique(ends, axis=0, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[index.ravel()]
+    first, place = geometry.distinct_rows(ends)
+    return np.argsort(np.argsort(first))[place]
 
 
 def reflection_loss(table: "xr.Dataset") -> FloatArray:

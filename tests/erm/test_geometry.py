@@ -11,6 +11,7 @@ from erm.geometry import (
     angle_difference,
     azimuth_of,
     bounce_height,
+    distinct_rows,
     face_line,
     horizontal_length,
     line_covariance,
@@ -158,3 +159,13 @@ def test_bounces_of_an_independent_ray_tracer_are_located_within_a_millimetre(sh
     height = bounce_height(tx, rx, length, azimuth)
     assert np.linalg.norm(point - truth[:, :2], axis=-1).max() < 1e-3
     assert np.abs(height - truth[:, 2]).max() < 1e-3
+
+
+def test_places_are_told_apart_as_numpy_does():
+    rng = np.random.default_rng(5)
+    points = rng.integers(-2, 3, (300, 3)) * 0.1
+    first, place = distinct_rows(points)
+    _, index, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    np.testing.assert_array_equal(first, index)
+    np.testing.assert_array_equal(place, inverse.ravel())
+    assert [len(one) for one in distinct_rows(np.empty((0, 3)))] == [0, 0]

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from erm.geometry import FloatArray
-from erm.walls.extent import CLEARANCE, TELLING, Footprint, Legs, footprint, legs_of, stretches
+from erm.walls.extent import CLEARANCE, TELLING, Footprint, Legs, footprint, legs_of, stretches, without_strays
 from erm.walls.line import Frame, Lines
 from erm.walls.paths import BoolArray, IntArray
 from erm.walls.pieces import SOLID_GAP, as_lines, span
@@ -34,9 +34,11 @@ class Conflicts:
     """
 
     def __init__(self, walls: Sequence[Wall], sight: Legs, hopeful: BoolArray) -> None:
-        prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
+        prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall, _ in map(without_strays, walls)]
+        seen = np.array([wall.support for wall in walls], dtype=np.int64)
         walls = [wall.thinned(TELLING) for wall in walls]
         self.support = np.array([wall.support for wall in walls], dtype=np.int64)
+        self._asked = self.support / seen
         legs = [sight, *(legs_of(wall) for wall in walls)]
         start, end = (np.vstack(ends) for ends in zip(*legs, strict=True))
         first = len(sight.start)
@@ -68,11 +70,19 @@ class Conflicts:
         rows = rows[self.hard[rows] & believed[self.face[rows]]]
         return len(np.unique(self.member[rows])) / self.support[wall]
 
-    def cuts(self, wall: int, believed: BoolArray) -> int:
-        """Number of direct paths and paths of believed candidates that would have to pass through a candidate."""
+    def cuts(self, wall: int, believed: BoolArray) -> float:
+        """Number of direct paths and paths of believed candidates that would have to pass through a candidate.
+
+        Direct paths, which are all there, count for the share of its own paths that a candidate was asked with.
+        """
         rows = self._by_face[wall]
-        rows = rows[self.hard[rows] & ((self.owner[rows] == NOBODY) | believed[self.owner[rows]])]
-        return len(np.unique(np.stack([self.owner[rows], self.member[rows]]), axis=1).T)
+        rows = rows[self.hard[rows]]
+        owner, member = self.owner[rows], self.member[rows]
+        direct = owner == NOBODY
+        others = np.flatnonzero(~direct & believed[owner])
+        most = int(self.support.max(initial=1))
+        paths = np.unique(owner[others].astype(np.int64) * most + member[others])
+        return len(paths) + float(np.count_nonzero(direct) * self._asked[wall])
 
     def shadow(self, wall: int, believed: BoolArray) -> tuple[float, float]:
         """How far (transmitters', receivers' legs) a candidate is in the shadow that believed ones may cast.

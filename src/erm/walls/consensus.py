@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from erm.walls.crowd import fewest_partners
+from erm.walls.crowd import COMPANY, fewest_partners
 from erm.walls.fit import fit_lines
-from erm.walls.images import Images
+from erm.walls.images import Images, side_by_side
 from erm.walls.line import Lines
 from erm.walls.loss import scattered
 from erm.walls.paths import BoolArray, IntArray, Paths
@@ -39,18 +39,31 @@ def find_groups(
     """
     if len(paths) == 0:
         return []
+    near = side_by_side(paths)
+    place = np.empty_like(near)
+    place[near] = np.arange(len(near))
+    known = [Group(group.line, np.sort(place[group.members])) for group in known]
+    groups = _found(paths.take(near), min_support, known, None if seeds is None else seeds[near])
+    return [Group(group.line, np.sort(near[group.members])) for group in groups]
+
+
+def _found(paths: Paths, min_support: int, known: Sequence[Group], seeds: BoolArray | None) -> list[Group]:
+    """`find_groups` of one path at least, of which those are near each other in memory whose images are."""
     images = Images(paths)
     turns = Turns[Group](paths.row, max(min_support, 2))
     if known:
-        lines = Lines.of([group.line for group in known])
-        turns.take(np.arange(len(known)), lambda some, free: _grown(images, lines.take(some), free))
-    partners = images.partners()
+        lines, members = Lines.of([group.line for group in known]), Ragged.of_lists([group.members for group in known])
+        turns.take(
+            np.arange(len(known)), lambda some, free: _grown(images, lines.take(some), free, before=members.take(some))
+        )
+    partners = images.partners(seeds)
     agreeing = partners.distinct(paths.link)
     several = len(images.transmitters) > 1  # a wall may have one path from each of several transmitters
     enough = agreeing >= (1 if several else min_support - 1)
+    order = np.lexsort((paths.row, paths.length, np.round(paths.loss, 6), -agreeing))
     if seeds is not None:
         enough &= seeds
-    order = np.lexsort((paths.length, np.round(paths.loss, 6), -agreeing))
+        agreeing[~(turns.free | seeds)] = COMPANY  # their partners were not looked for, but a group has them
     fewest = fewest_partners(images, agreeing)
     enough &= agreeing >= fewest
     left = images
@@ -81,9 +94,11 @@ def _from_seeds(
     return trials
 
 
-def _grown(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None) -> list[Trial[Group] | None]:
+def _grown(
+    images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None, before: Ragged | None = None
+) -> list[Trial[Group] | None]:
     """Groups that lines gather; None of those whose seeds an earlier one is likely to take."""
-    lines, members, seen, later = settle(images, lines, free, seeds)
+    lines, members, seen, later = settle(images, lines, free, seeds, before)
     return [
         None if later[number] else Trial(Group(lines.one(number), own), before)
         for number, (own, before) in enumerate(zip(members, seen, strict=True))

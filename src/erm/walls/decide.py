@@ -11,7 +11,7 @@ from erm.select import CONSISTENT_LOSS
 from erm.walls.chance import accidental, odds_against_chance
 from erm.walls.conflicts import Conflicts
 from erm.walls.corners import corners_on
-from erm.walls.extent import Legs, Stretch
+from erm.walls.extent import ASTRAY, Legs, Stretch
 from erm.walls.fit import fit_line, misfit
 from erm.walls.images import GATE
 from erm.walls.loss import SCATTER, loss_at_normal_incidence, loss_error, typical_loss, weighted_quantile
@@ -23,7 +23,6 @@ from erm.walls.wall import Wall
 TWIN_OFFSET = 0.02  # m; lines nearer than this, or than their errors, are one
 TWIN_ANGLE = 0.2  # degree
 CUTS = 2  # free paths through a wall that refute it; one may be a path taken for what it is not
-ASTRAY = 0.05  # of the support; a wall that many see has more such paths through it
 ROUNDS = 4  # of believing and doubting; two are the rule
 
 # Log odds of a common image to be a wall and not a chain off walls that nobody saw alone; see `plausibility`.

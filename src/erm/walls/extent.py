@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import gammainc
 
 from erm.geometry import FloatArray
 from erm.walls.line import Line
@@ -14,6 +15,7 @@ SOLID = 5.0  # m; between reflection points closer than this there is no passage
 SILENT = (
     3  # links; of gaps in line that one or two did not see, nine in ten were wall on random scenes, later three in four
 )
+ASTRAY = 0.05  # share of a wall's members that may come from anywhere
 TELLING = 256  # paths of a wall that are asked where they pass; more tell no more
 MOST_MARGIN = 0.5  # m; at grazing incidence the Fresnel zone is long, and half of it is enough to reflect
 
@@ -56,6 +58,25 @@ class Footprint(NamedTuple):
         place = self.line.along(crossing)[:, None]
         hit = (place > self.low) & (place < self.high) & (crossing[:, 2:] < self.top)
         return through & hit.any(axis=1)
+
+
+def without_strays(wall: Wall) -> tuple[Wall, IntArray]:
+    """Return a wall that many saw where it stands, without the paths that agree with its line elsewhere; their indices.
+
+    As many as `ASTRAY` of the members may come from anywhere, and lie along all of the line: those of thousands leave
+    no gap in it. They would be ``2 SOLID ASTRAY n / span`` within `SOLID` of each; a member whose company so many of
+    them have by chance that one of it is expected among twenty such walls is left out.
+    """
+    if wall.support <= TELLING:
+        return wall, np.arange(wall.support)
+    along = wall.line.along(wall.points)
+    ranked = np.sort(along)
+    company = np.searchsorted(ranked, along + SOLID, side="right") - np.searchsorted(ranked, along - SOLID) - 1
+    strays = ASTRAY * wall.support
+    # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
+    by_chance = gammainc(np.maximum(company, 1), 2 * SOLID * strays / max(ranked[-1] - ranked[0], 2 * SOLID))
+    kept = np.flatnonzero((company > 0) & (strays * by_chance < 1 / 20))
+    return Wall(wall.all_paths, wall.line, wall.members[kept]), kept
 
 
 def legs_of(wall: Wall) -> Legs:

@@ -19,6 +19,7 @@ NEIGHBOURS = 24  # nearest images looked at for partners of a seed
 LAYERS = (0.75, 0.97)  # shares of paths that are looked for in grids of their own, the surest first
 FEW = 1000  # paths that one grid is enough for
 BATCH = 65536  # paths whose neighbours are looked at in one go
+STRIP = 16.0  # m; wider than most errors of images, narrower than a city
 MARGIN = 1.25  # of what a path's own range departs from the line's
 
 
@@ -56,24 +57,28 @@ class Images:
         places = np.column_stack([self.points, paths.transmitter * self.apart])
         self.tree = cKDTree(places)
         self.radius = REACH * float(self.across.max(initial=0.0) + self.along.max(initial=0.0))
-        spread = self.across**2 + self.along**2
-        edges = np.quantile(spread, LAYERS) if len(paths) > FEW else []
-        self._layer = np.searchsorted(edges, spread)
+        self._spread = self.across**2 + self.along**2
+        edges = np.quantile(self._spread, LAYERS) if len(paths) > FEW else []
+        self._layer = np.searchsorted(edges, self._spread)
         self.layers = self._layers(np.arange(len(paths)))
 
     def without(self, free: BoolArray) -> "Images":
         """Return the same images, of which `about` tells the free ones (path,) only; itself while most are."""
         if 2 * np.count_nonzero(free) > sum(len(layer.rows) for layer in self.layers):
             return self
+        return self.only(np.flatnonzero(free))
+
+    def only(self, rows: IntArray) -> "Images":
+        """Return the same images, of which `about` tells some paths (row,) only."""
         fewer = copy(self)
-        fewer.layers = self._layers(np.flatnonzero(free))
+        fewer.layers = self._layers(rows)
         return fewer
 
     def _layers(self, rows: IntArray) -> list[Layer]:
         layers = []
         for number in np.unique(self._layer[rows]):
             own = rows[self._layer[rows] == number]
-            most = float((self.across[own] ** 2 + self.along[own] ** 2).max())
+            most = float(self._spread[own].max())
             grid = Grid(self.points[own], self.paths.transmitter[own], MARGIN * float(np.sqrt(GATE * most)))
             layers.append(Layer(own, most, grid))
         return layers
@@ -102,35 +107,53 @@ class Images:
         pairs = []
         for layer in self.layers:
             radius = gates * np.minimum(MARGIN * np.sqrt(GATE * (layer.spread + 8 * wide)), self.radius)
-            near, path = layer.grid.within(images, front, radius)
-            pairs.append((line[near], layer.rows[path]))
+            near, path, square = layer.grid.within(images, front, radius)
+            path = layer.rows[path]
+            own = np.flatnonzero(square <= (gates * MARGIN) ** 2 * GATE * (self._spread[path] + 8 * wide[near]))
+            pairs.append((line[near[own]], path[own]))
         nothing = np.empty(0, dtype=np.int64)
         of, rows = zip((nothing, nothing), *pairs, strict=True)
         return np.concatenate(of), np.concatenate(rows)
 
-    def partners(self) -> Ragged:
-        """Paths of the same transmitter and another link whose images agree with that of each within their errors."""
-        count = min(NEIGHBOURS + 1, len(self.paths))
+    def partners(self, seeds: BoolArray | None = None) -> Ragged:
+        """Paths of the same transmitter and another link whose images agree with that of each within their errors.
+
+        Of others than ``seeds`` (path,) none are told.
+        """
+        total = len(self.paths)
+        count = min(NEIGHBOURS + 1, total)
         if count < 2:
-            return Ragged(np.empty(0, dtype=np.int64), np.zeros(len(self.paths) + 1, dtype=np.int64))
-        radius = REACH * np.sqrt(2) * float(self.across.max())
+            return Ragged(np.empty(0, dtype=np.int64), np.zeros(total + 1, dtype=np.int64))
+        bound = max(REACH * np.sqrt(2) * float(self.across.max()), 1e-6)
         # neighbours one after another find the same part of the tree in the processor's cache
-        order = self.tree.indices
-        bound = max(radius, 1e-6)
-        near = np.empty((len(order), count), dtype=np.int32)
-        near[order] = self.tree.query(self.tree.data[order], k=count, distance_upper_bound=bound, workers=-1)[1]
-        sizes, rows = [], []
-        for first in range(0, len(order), BATCH):
+        order = self.tree.indices if seeds is None else self.tree.indices[seeds[self.tree.indices]]
+        asked = np.sort(order)
+        near = np.empty((len(asked), count), dtype=np.int32)
+        near[np.searchsorted(asked, order)] = self.tree.query(
+            self.tree.data[order], k=count, distance_upper_bound=bound, workers=-1
+        )[1]
+        sizes, rows = np.zeros(total, dtype=np.int64), [np.empty(0, dtype=np.int64)]
+        for first in range(0, len(asked), BATCH):
             some = near[first : first + BATCH]
-            path, place = np.nonzero(some < len(self.paths))
-            partner = some[path, place].astype(np.int64)
-            kept = self.paths.link[first + path] != self.paths.link[partner]
+            row, place = np.nonzero(some < total)
+            path, partner = asked[first + row], some[row, place].astype(np.int64)
+            kept = self.paths.link[path] != self.paths.link[partner]
             path, partner = path[kept], partner[kept]
-            apart = self.points[first + path] - self.points[partner]
-            agree = _mahalanobis(apart, self.covariance[first + path] + self.covariance[partner]) < GATE
-            sizes.append(np.bincount(path[agree], minlength=len(some)))
+            apart = self.points[path] - self.points[partner]
+            agree = mahalanobis(apart, self.covariance[path] + self.covariance[partner]) < GATE
+            sizes += np.bincount(path[agree], minlength=total)
             rows.append(partner[agree])
-        return Ragged(np.concatenate(rows), np.concatenate([[0], np.cumsum(np.concatenate(sizes))]))
+        return Ragged(np.concatenate(rows), np.concatenate([[0], np.cumsum(sizes)]))
+
+
+def side_by_side(paths: Paths) -> IntArray:
+    """Order of paths in which those are near each other whose images are.
+
+    All that is looked up about an image is then read from one place: in a table of a million paths the processor
+    waits for its memory most of the time otherwise.
+    """
+    points = paths.anchors()
+    return np.lexsort((points[:, 1], np.floor(points[:, 0] / STRIP), paths.transmitter))
 
 
 def within(tree: cKDTree, places: FloatArray, radius: FloatArray | float) -> Ragged:
@@ -154,7 +177,7 @@ def _places(paths: Paths) -> FloatArray:
     return places
 
 
-def _mahalanobis(apart: FloatArray, covariance: FloatArray) -> FloatArray:
+def mahalanobis(apart: FloatArray, covariance: FloatArray) -> FloatArray:
     """``d' C**-1 d`` of vectors (..., 2)."""
     a, b, d = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
     x, y = apart[..., 0], apart[..., 1]

@@ -7,7 +7,18 @@ import numpy as np
 import shapely
 
 from erm.geometry import FloatArray
-from erm.walls.extent import SOLID, TELLING, Footprint, Legs, Stretch, expected_places, footprint, legs_of, stretches
+from erm.walls.extent import (
+    SOLID,
+    TELLING,
+    Footprint,
+    Legs,
+    Stretch,
+    expected_places,
+    footprint,
+    legs_of,
+    stretches,
+    without_strays,
+)
 from erm.walls.line import bounce_points
 from erm.walls.wall import Wall
 
@@ -38,17 +49,20 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
     """
     if not walls:
         return []
+    thinned = [wall.thinned(TELLING) for wall in walls]
+    walls, kept = zip(*(without_strays(wall) for wall in walls), strict=True)
     prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall in walls]
     spans = np.array([span(print_) for print_ in prints])
-    thinned = [wall.thinned(TELLING) for wall in walls]
     legs = [legs_of(wall) for wall in thinned]
     start = np.vstack([sight.start, *(leg.start for leg in legs)])
     end = np.vstack([sight.end, *(leg.end for leg in legs)])
     owner = np.r_[
         np.full(len(sight.start), -1), np.repeat(np.arange(len(walls)), [2 * wall.support for wall in thinned])
     ]
-    hull, leg = shapely.STRtree(as_lines(start, end)).query(shapely.linestrings(spans), predicate="intersects")
-    tree = shapely.STRtree(shapely.linestrings(spans))
+    tree = shapely.STRtree(shapely.linestrings(spans))  # of walls, which are fewer than legs by far
+    leg, hull = tree.query(as_lines(start, end), predicate="intersects")
+    order = np.argsort(hull, kind="stable")
+    leg, hull = leg[order], hull[order]
     edges = np.searchsorted(hull, np.arange(len(walls) + 1))
     pieces = []
     for number, wall in enumerate(walls):
@@ -57,7 +71,8 @@ def pieces_of(walls: Sequence[Wall], sight: Legs, links: Links, max_gap: float) 
         silent = _silent(wall, number, prints, tree, links)
         cut = stretches(wall, max_gap, Legs(start[crossing], end[crossing]), silent)
         # one point far from the others may be another wall's that lies in line but for a few centimetres
-        pieces.append([piece for piece in cut if len(piece.members) > 1] or cut)
+        whole = [piece for piece in cut if len(piece.members) > 1] or cut
+        pieces.append([piece._replace(members=kept[number][piece.members]) for piece in whole])
     return pieces
 
 
@@ -78,7 +93,9 @@ def _silent(wall: Wall, number: int, prints: Sequence[Footprint], tree: shapely.
     after = np.searchsorted(along, place)
     asked = (after > 0) & (after < len(along))
     asked[asked] = np.diff(along)[after[asked] - 1] > SOLID
-    asked &= ~np.isin(front, wall.paths.link)
+    saw = np.zeros(len(links.tx), dtype=bool)
+    saw[wall.paths.link] = True
+    asked &= ~saw[front]
     front, after = front[asked], after[asked]
     points = bounce_points(wall.line, links.tx[front], links.rx[front])
     length = np.linalg.norm(links.tx[front] - points, axis=-1) + np.linalg.norm(links.rx[front] - points, axis=-1)

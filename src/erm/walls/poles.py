@@ -16,7 +16,8 @@ from erm.walls.conflicts import BEYOND
 from erm.walls.cylinder import Cylinder, settled
 from erm.walls.evidence import Strays, log_odds, of_choice
 from erm.walls.extent import Legs, footprint, stretches
-from erm.walls.images import within
+from erm.walls.grid import Grid
+from erm.walls.images import GATE, mahalanobis
 from erm.walls.line import Lines
 from erm.walls.paths import BoolArray, IntArray, Paths
 from erm.walls.pieces import SOLID_GAP, as_lines, span
@@ -63,12 +64,16 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     points, _ = reflection_point(*measured)
     starts = Points(points, point_covariance(*measured, *errors(paths.rays))[:, :2, :2])
     strays = Strays(paths, points)
-    near = within(strays.tree, points, REACH)
-    company = near.distinct(paths.link)
-    order = np.lexsort((paths.length, -company))
+    sheet, reach = np.zeros(len(paths), dtype=np.int64), np.full(len(paths), REACH)
+    near = Ragged.of_pairs(*Grid(points, sheet, REACH).within(points, sheet, reach)[:2], len(paths))
+    of = near.owner
+    # of two members d' (C1 + C2)**-1 d is no more than the sum of what each departs from the pole
+    apart = mahalanobis(points[of] - points[near.rows], starts.covariance[of] + starts.covariance[near.rows])
+    enough = near.kept(apart < 2 * GATE).distinct(paths.link) >= min_support
+    order = np.lexsort((paths.length, -near.distinct(paths.link)))
     turns = Turns[Start](np.arange(len(paths)), min_support)
     turns.take(
-        order[company[order] >= min_support],
+        order[enough[order]],
         lambda seeds, free: _tried(paths, starts.take(seeds), near.take(seeds), free, min_support),
         near,
     )

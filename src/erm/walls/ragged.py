@@ -35,6 +35,14 @@ class Ragged:
         start = np.cumsum([0, *(len(one) for one in lists)])
         return cls(np.concatenate([np.empty(0, dtype=np.int64), *lists]), start)
 
+    @classmethod
+    def gathered(cls, owners: list[IntArray], rows: list[IntArray], count: int) -> "Ragged":
+        """Return the rows of each of ``count`` owners from parts, in the order of these; owners need not ascend."""
+        nothing = np.empty(0, dtype=np.int64)
+        owner = np.concatenate([nothing, *owners])
+        order = np.argsort(owner, kind="stable")
+        return cls.of_pairs(owner[order], np.concatenate([nothing, *rows])[order], count)
+
     def __len__(self) -> int:
         return len(self.start) - 1
 
@@ -70,6 +78,14 @@ class Ragged:
         span = int(key.max(initial=0)) + 1
         pairs = np.sort(self.owner * span + key[self.rows])
         return np.bincount(pairs[first_of_each(pairs)] // span, minlength=len(self))
+
+    def same(self, other: "Ragged") -> BoolArray:
+        """Whether (list,) lists are those of another as many."""
+        same = self.sizes == other.sizes
+        mine, theirs = (one.take(np.flatnonzero(same)) for one in (self, other))
+        different = mine.owner[mine.rows != theirs.rows]
+        same[np.flatnonzero(same)[different]] = False
+        return same
 
     def part(self, lists: slice) -> "Ragged":
         """Return consecutive lists."""

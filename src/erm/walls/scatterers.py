@@ -51,30 +51,28 @@ def settle(paths: Paths, starts: Points, around: Ragged, min_support: int) -> tu
     place, covariance = starts.place.copy(), starts.covariance.copy()
     count = len(place)
     going = np.arange(count)
-    members: list[IntArray] = [np.empty(0, dtype=np.int64)] * count
-    owners, rows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
-    for _ in range(ROUNDS):
-        own = around.take(going)
-        gathered = _gathered(paths, Points(place[going], covariance[going]), own)
+    before = Ragged(np.empty(0, dtype=np.int64), np.zeros(count + 1, dtype=np.int64))
+    owners: list[IntArray] = []
+    rows: list[IntArray] = []
+    last: list[tuple[IntArray, IntArray]] = []  # owners and rows of what points ended with
+    for turn in range(ROUNDS):
+        gathered = _gathered(paths, Points(place[going], covariance[going]), around.take(going))
         owners.append(going[gathered.owner])
         rows.append(gathered.rows)
         enough = gathered.sizes >= min_support
-        for one in going[~enough].tolist():
-            members[one] = np.empty(0, dtype=np.int64)
-        going, gathered = going[enough], gathered.take(np.flatnonzero(enough))
+        settled = gathered.same(before)[enough]
+        going, before = going[enough], gathered.take(np.flatnonzero(enough))
         if len(going) == 0:
             break
-        place[going], covariance[going] = _fit(paths, place[going], gathered)
-        changed = [not np.array_equal(members[one], new) for one, new in zip(going.tolist(), gathered, strict=True)]
-        for one, new in zip(going.tolist(), gathered, strict=True):
-            members[one] = new
-        going = going[np.array(changed, dtype=bool)]
+        place[going], covariance[going] = _fit(paths, place[going], before)
+        ends = settled | (turn == ROUNDS - 1)
+        own = before.take(np.flatnonzero(ends))
+        last.append((going[ends][own.owner], own.rows))
+        going, before = going[~ends], before.take(np.flatnonzero(~ends))
         if len(going) == 0:
             break
-    owner, row = np.concatenate(owners), np.concatenate(rows)
-    order = np.argsort(owner, kind="stable")
-    seen = Ragged.of_pairs(owner[order], row[order], count)
-    return Points(place, covariance), Ragged.of_lists(members), seen
+    members = Ragged.gathered([one for one, _ in last], [own for _, own in last], count)
+    return Points(place, covariance), members, Ragged.gathered(owners, rows, count)
 
 
 def poles_of(paths: Paths, points: Points, members: Ragged) -> list[Start | None]:

@@ -26,45 +26,47 @@ class Settled(NamedTuple):
     later: BoolArray  # lines that were left alone, as an earlier one is likely to take their seeds
 
 
-def settle(images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None) -> Settled:
+def settle(
+    images: Images, lines: Lines, free: BoolArray, seeds: IntArray | None = None, before: Ragged | None = None
+) -> Settled:
     """Let lines gather the free paths that agree with them, and fit them to these, until they no longer change.
 
-    Those that start from ``seeds`` (line,) are only begun where an earlier one gathers the seed at once.
+    Those that start from ``seeds`` (line,) are only begun where an earlier one gathers the seed at once. What lines
+    were fitted to ``before`` is settled if they gather the same.
     """
     count = len(lines.normal)
-    later = np.zeros(count, dtype=bool)
-    going = np.arange(count)
-    members: list[IntArray] = [np.empty(0, dtype=np.int64)] * count
-    owners, rows = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    later = np.zeros(count, dtype=bool) if seeds is None else _taken_before(images, lines, free, seeds)
+    going = np.flatnonzero(~later)
+    nothing = Ragged(np.empty(0, dtype=np.int64), np.zeros(len(going) + 1, dtype=np.int64))
+    before = nothing if before is None else before.take(going)
+    owners: list[IntArray] = []
+    rows: list[IntArray] = []
+    last: list[tuple[IntArray, IntArray]] = []  # owners and rows of what lines ended with
     for turn in range(ROUNDS + 1):
         gathered, _ = gather(images, lines.take(going), free)
-        if turn == 0 and seeds is not None:
-            later = _taken_before(seeds, gathered, len(images.paths))
-            going, gathered = going[~later], gathered.take(np.flatnonzero(~later))
         owners.append(going[gathered.owner])
         rows.append(gathered.rows)
-        settled = np.array(
-            [np.array_equal(members[line], new) for line, new in zip(going.tolist(), gathered, strict=True)], dtype=bool
-        )
-        for line, new in zip(going.tolist(), gathered, strict=True):
-            members[line] = new
+        settled = gathered.same(before)
+        enough = gathered.sizes > 1
+        ends = settled | ~enough | (turn == ROUNDS)
+        own = gathered.take(np.flatnonzero(ends))
+        last.append((going[ends][own.owner], own.rows))
         if turn == ROUNDS:
             break
-        enough = gathered.sizes > 1
-        going, settled, gathered = going[enough], settled[enough], gathered.take(np.flatnonzero(enough))
-        fitted = fit_lines(images.paths.rays, gathered, lines.take(going), np.where(settled, STEPS, ROUGHLY))
+        going, settled, before = going[enough], settled[enough], gathered.take(np.flatnonzero(enough))
+        fitted = fit_lines(images.paths.rays, before, lines.take(going), np.where(settled, STEPS, ROUGHLY))
         lines = lines.put(going, fitted)
-        going = going[~settled]
+        going, before = going[~settled], before.take(np.flatnonzero(~settled))
         if len(going) == 0:
             break
-    owner, row = np.concatenate(owners), np.concatenate(rows)
-    order = np.argsort(owner, kind="stable")
-    return Settled(lines, Ragged.of_lists(members), Ragged.of_pairs(owner[order], row[order], count), later)
+    members = Ragged.gathered([one for one, _ in last], [own for _, own in last], count)
+    return Settled(lines, members, Ragged.gathered(owners, rows, count), later)
 
 
-def _taken_before(seeds: IntArray, gathered: Ragged, count: int) -> BoolArray:
-    """Whether (line,) an earlier line that is not itself so gathered the seed of each, one of ``count`` paths."""
-    line_of = np.full(count, -1)
+def _taken_before(images: Images, lines: Lines, free: BoolArray, seeds: IntArray) -> BoolArray:
+    """Whether (line,) an earlier line that is not itself so gathers the seed of each at once."""
+    gathered, _ = gather(images.only(np.sort(seeds)), lines, free)
+    line_of = np.full(len(images.paths), -1)
     line_of[seeds] = np.arange(len(seeds))
     by, of = gathered.owner, line_of[gathered.rows]
     taken = np.zeros(len(seeds), dtype=bool)

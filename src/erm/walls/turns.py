@@ -91,17 +91,19 @@ class Turns(Generic[F]):
             before = len(self.found)
             for one in order.tolist():
                 if partners is None or self.free[one]:
-                    if one not in waiting or not self.free[waiting[one].seen].all():
+                    # nothing is spoiled as long as nothing is found
+                    if one not in waiting or not (len(self.found) == before or self.free[waiting[one].seen].all()):
                         break
                     self._keep(waiting.pop(one).found)
                     done += 1
                 gone += 1
             order = order[gone:]
-            waiting = {
-                one: trial
-                for one, trial in waiting.items()
-                if self.free[trial.seen].all() and (partners is None or self.free[one])
-            }
+            if len(self.found) > before:
+                waiting = {
+                    one: trial
+                    for one, trial in waiting.items()
+                    if self.free[trial.seen].all() and (partners is None or self.free[one])
+                }
             fruitful = len(self.found) - before > done / 2
             many = min(2 * many, MANY) if done > 0.7 * len(tried) else max(many // 2, FEW)
 

@@ -14,9 +14,12 @@ from erm.walls.chance import accidental
 from erm.walls.consensus import _from_seeds as from_seeds
 from erm.walls.consensus import find_groups
 from erm.walls.crowd import COMPANY, fewest_partners
+from erm.walls.extent import footprint, stretches, without_strays
 from erm.walls.fit import fit_line
 from erm.walls.images import Images
 from erm.walls.line import Lines, seed_line
+from erm.walls.pieces import SOLID_GAP
+from erm.walls.poles import find_poles
 from erm.walls.settle import settle
 from erm.walls.turns import Group, Trial, Turns
 from erm.walls.wall import Wall
@@ -169,6 +172,44 @@ def test_a_crowd_asks_for_more_partners_the_larger_it_is():
     # paths in company are no crowd, they are walls: where no other is counted half a one is expected
     assert asked(30_000, partners=COMPANY) < many
     assert len(fewest_partners(Images(together([anything(0, 6)])), np.empty(0, dtype=np.int64))) == 0
+
+
+def test_partners_are_those_of_all_whoever_is_asked():
+    images = Images(crowd(500))
+    asked = np.arange(len(images.paths)) % 3 == 0
+    partners, some = images.partners(), images.partners(asked)
+    assert partners.sizes[asked].sum() > 0
+    for number, own in enumerate(some):
+        assert np.sort(own).tolist() == (np.sort(partners[number]).tolist() if asked[number] else [])
+
+
+def test_four_links_that_meet_by_chance_are_no_pole():
+    rng = np.random.default_rng(11)
+    paths = together([anything(60_000, 11)])
+    rx = np.column_stack([rng.uniform(-250, 250, (len(paths), 2)), paths.rx[:, 2]])
+    length = np.linalg.norm(paths.tx - rx, axis=-1) + rng.uniform(1, 60, len(paths))
+    paths = replace(paths, rx=rx, length=length, loss=rng.uniform(12, 24, len(paths)))
+    assert find_poles(paths, [], 3) == []
+
+
+def test_strays_on_the_line_of_a_wall_that_thousands_saw_make_it_no_longer():
+    rng = np.random.default_rng(12)
+    seen, strays = 3000, 120  # 4 %
+    # a wall 10 m north; bounces between -20 and 20 m east, and anywhere along 400 m of its line
+    at = np.r_[rng.uniform(-20, 20, seen), rng.uniform(-200, 200, strays)]
+    rx = np.column_stack([2 * at - TXS[0, 0], np.full(len(at), TXS[0, 1]), np.full(len(at), 1.4)])
+    paths = paths_of(bounces(np.tile(TXS[:1], (len(at), 1)), rx, np.array([90.0, 20.0])))
+    wall = Wall(paths, fit_line(paths, seed_line(paths.take(np.array([0])))), np.arange(len(at)))
+    print_ = footprint(wall, stretches(wall, SOLID_GAP))
+    assert (print_.high - print_.low).sum() > 100  # it would stand far beyond its ends
+    standing, kept = without_strays(wall)
+    assert np.array_equal(standing.members, wall.members[kept])
+    print_ = footprint(standing, stretches(standing, SOLID_GAP))
+    # a member within 5 m of where the wall stands has its company
+    assert (print_.high - print_.low).sum() < 40 + 2 * SOLID_GAP + 1
+    assert np.isin(np.arange(seen), kept).all()
+    few = wall.thinned(200)
+    assert without_strays(few)[0] is few
 
 
 @pytest.mark.parametrize(

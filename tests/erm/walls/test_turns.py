@@ -66,7 +66,7 @@ def test_a_grid_finds_all_points_in_reach_on_their_sheet_and_no_others(radius):
     points, sheet = rng.uniform(-40, 60, (500, 2)), rng.integers(0, 4, 500)
     places, of = rng.uniform(-60, 80, (80, 2)), rng.integers(0, 4, 80)
     reach = radius * rng.uniform(0.2, 1, 80)
-    place, point = Grid(points, sheet, 7.0).within(places, of, reach)
+    place, point, _ = Grid(points, sheet, 7.0).within(places, of, reach)
     near = np.linalg.norm(places[:, None] - points, axis=-1) <= reach[:, None]
     expected = np.argwhere(near & (of[:, None] == sheet))
     np.testing.assert_array_equal(np.column_stack([place, point])[np.lexsort((point, place))], expected)
