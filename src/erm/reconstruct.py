@@ -18,7 +18,7 @@ from erm.walls.decide import ACCIDENTAL, CHAIN, Verdict, decide
 from erm.walls.extent import MOST_MARGIN, Legs, ends_of
 from erm.walls.loss import refractive_index_squared
 from erm.walls.paths import IntArray, Paths
-from erm.walls.pieces import Links, pieces_of
+from erm.walls.pieces import Links
 from erm.walls.poles import find_poles
 from erm.walls.scatterers import Pole
 from erm.walls.search import joined, search
@@ -164,10 +164,7 @@ def _adjusted(table: "xr.Dataset", verdict: Verdict, paths: Paths, max_gap: floa
         )
     )
     walls, rows = adjusted(verdict.walls, rest.with_errors(*widened), max_gap)
-    if not len(rows):
-        return verdict, rows
-    pieces = pieces_of(walls, lines_of_sight(table), _links(table), max_gap)
-    return verdict._replace(walls=walls, pieces=pieces), rows
+    return verdict._replace(walls=walls), rows
 
 
 def _poles(table: "xr.Dataset", taken: IntArray, walls: list[Wall], min_support: int) -> tuple[list[Pole], Paths]:
