@@ -19,7 +19,7 @@ from erm.walls.decide import ACCIDENTAL, CHAIN, Verdict, decide
 from erm.walls.extent import MOST_MARGIN, Legs, ends_of
 from erm.walls.loss import refractive_index_squared
 from erm.walls.paths import IntArray, Paths
-from erm.walls.pieces import Links, pieces_of
+from erm.walls.pieces import Links
 from erm.walls.poles import Pole, find_poles
 from erm.walls.search import joined, search
 from erm.walls.turns import Group
@@ -169,10 +169,7 @@ def _adjusted(table: "xr.Dataset", verdict: Verdict, paths: Paths, max_gap: floa
         )
     )
     walls, rows = adjusted(verdict.walls, rest.with_errors(*widened), max_gap)
-    if not len(rows):
-        return verdict, rows
-    pieces = pieces_of(walls, lines_of_sight(table), _links(table), max_gap)
-    return verdict._replace(walls=walls, pieces=pieces), rows
+    return verdict._replace(walls=walls), rows
 
 
 def _poles(table: "xr.Dataset", taken: IntArray, walls: list[Wall], min_support: int) -> tuple[list[Pole], Paths]:
