@@ -55,7 +55,8 @@ def unbent(paths: Paths, groups: Sequence[Group], free: BoolArray, min_support: 
         done[facade] = True
         own = [groups[number] for number in facade]
         rows = np.concatenate([*(group.members for group in own), left])
-        if 2 * min_support <= len(rows) <= MOST:
+        # beside strays as many as its own paths a facade tells nothing of its faces
+        if 2 * min_support <= len(rows) <= MOST and 2 * len(left) < len(rows):
             own = _divided(paths.take(rows), unlikely[rows], rows, own, min_support)
             owner[rows] = -1
         for group in own:

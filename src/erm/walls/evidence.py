@@ -6,19 +6,21 @@ And receivers in a row, seen from a pole, point to one image as well: that of so
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.special import betaln
+from scipy.special import betaln, gammainc
 
 from erm.geometry import FloatArray, point_covariance
 from erm.walls.chance import UNSEEN
 from erm.walls.consensus import find_groups
 from erm.walls.cylinder import ROUND, Cylinder
 from erm.walls.fit import chi_squared, residuals
+from erm.walls.images import GATE
 from erm.walls.paths import IntArray, Paths
 from erm.walls.scatterers import ALIKE
 
 PER_AREA = 1e-3  # 1/m2; one pole, and one image that no wall explains, in a square of 30 m
 SPAN = 30.0  # dB; the losses of paths from anywhere
 SCALES = 2.0 ** np.arange(-1, 6)  # m; radii about a point within which paths are counted
+ASKED = 1000  # places at which it is counted how dense paths usually are
 EMPTY = 2.0  # m; where none is counted there may be half a path (Jeffreys) within this
 
 
@@ -37,6 +39,19 @@ class Strays:
         self.tree = cKDTree(points)
         self.points = points
         self.links = len(np.unique(paths.link))
+        some = points[:: max(len(points) // ASKED, 1)]
+        about = self.tree.query_ball_point(some, SCALES[-1], return_length=True)
+        self.usual = float(np.median(about)) / (np.pi * SCALES[-1] ** 2)  # 1/m2
+
+    def accidents(self, paths: Paths) -> float:
+        """Points anywhere that as many links would agree on as these, if all paths came from nowhere.
+
+        The gate of a path has the area ``pi GATE sqrt|C|``, and holds ``m`` others where paths are as dense as usual.
+        Each of the ``N`` paths lays a point, and ``N P(Poisson(m) >= links - 1)`` have as much company.
+        """
+        held = np.pi * GATE * float(np.mean(_sizes(paths))) * self.usual
+        # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
+        return float(len(self.points) * gammainc(max(len(paths) - 1, 1), held))
 
     def density(self, places: FloatArray, members: list[IntArray]) -> FloatArray:
         """Paths (place,) other than the members that a link lays in a square metre about places, at most [1/m2].
@@ -58,9 +73,14 @@ def against_strays(paths: Paths, density: float) -> FloatArray:
     A measurement of covariance ``C`` has the density ``1 / (2 pi sqrt|C|)`` at the point of which it is, and the given
     one if it is of none; ``C`` is that of the reflection point, for both are changed alike into delay and azimuth.
     """
+    return np.asarray(-np.log(2 * np.pi * _sizes(paths) * density))
+
+
+def _sizes(paths: Paths) -> FloatArray:
+    """``sqrt|C|`` (path,) of the covariances of reflection points [m2]."""
     length_std = np.hypot(paths.length_std, ROUND)
     covariance = point_covariance(paths.tx, paths.rx, paths.length, paths.azimuth, length_std, paths.azimuth_std)
-    return -np.log(2 * np.pi * np.sqrt(np.linalg.det(covariance[:, :2, :2])) * density)
+    return np.asarray(np.sqrt(np.linalg.det(covariance[:, :2, :2])))
 
 
 def log_odds(paths: Paths, cylinder: Cylinder, density: float, min_support: int) -> tuple[float, float]:

@@ -28,6 +28,7 @@ from erm.walls.wall import Wall
 
 REACH = 2.0  # m; members' points lie this near to a pole
 LEAST_LOSS = 6.0  # dB; a cylinder seen from farther than its radius loses more
+ACCIDENTS = 1.0  # points that chance may be expected to let as many links agree on
 LEAST_ODDS = 3.0  # log; of 2800 likelier than this on random streets three were no poles
 OFF_WALL = 0.5  # m; what is nearer to a wall is its roughness, or a pilaster
 
@@ -47,7 +48,8 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     """Poles that at least ``min_support`` links agree on, none of whose paths a wall explains.
 
     Delays and azimuths of a pole's paths, and the one radius that their losses tell, must be twenty times likelier than
-    if the paths came from anywhere or off an image (`erm.walls.evidence`), and the legs must not pass through walls.
+    if the paths came from anywhere or off an image (`erm.walls.evidence`), no such point may be expected by chance, and
+    the legs must not pass through walls.
 
     Parameters
     ----------
@@ -87,6 +89,8 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     poles: list[Pole] = []
     for (one, members), crowd in zip(fitted, density.tolist(), strict=True):
         own = paths.take(members)
+        if strays.accidents(own) > ACCIDENTS:
+            continue
         of_pole, of_images = log_odds(own, one, crowd, min_support)
         if of_pole - of_images < LEAST_ODDS or standing.touch(one) or np.mean(standing.hide(one, own)) > 0.5:
             continue
@@ -159,6 +163,8 @@ class Standing:
         point = np.column_stack([np.broadcast_to(pole.centre, (len(paths), 2)), height])
         legs = Legs(np.vstack([paths.tx, paths.rx]), np.vstack([point, point]))
         behind = np.zeros(len(legs.start), dtype=bool)
-        for number in np.unique(self.tree.query(as_lines(*legs), predicate="intersects")[1]).tolist():
-            behind |= self.prints[number].blocks(legs)
+        leg, wall = self.tree.query(as_lines(*legs), predicate="intersects")
+        for number in np.unique(wall).tolist():
+            some = leg[wall == number]
+            behind[some] |= self.prints[number].blocks(Legs(legs.start[some], legs.end[some]))
         return np.asarray(behind.reshape(2, -1).any(axis=0))
