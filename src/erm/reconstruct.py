@@ -6,18 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from erm.assemble import assemble
 from erm.constants import c
-from erm.environment import Environment, Slab, make_reflectors
+from erm.environment import Environment
 from erm.geometry import distinct_rows
-from erm.materials import Material
 from erm.mpc_table import path_length
 from erm.select import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
 from erm.walls.adjust import adjusted
 from erm.walls.bends import unbent
 from erm.walls.consensus import find_groups
-from erm.walls.decide import ACCIDENTAL, CHAIN, Verdict, decide
-from erm.walls.extent import MOST_MARGIN, Legs, ends_of
-from erm.walls.loss import refractive_index_squared
+from erm.walls.decide import ACCIDENTAL, Verdict, decide
+from erm.walls.extent import Legs
 from erm.walls.paths import IntArray, Paths
 from erm.walls.pieces import Links
 from erm.walls.poles import Pole, find_poles
@@ -29,12 +28,10 @@ from erm.wrapped import later, with_later
 if TYPE_CHECKING:
     import xarray as xr
 
-CLEAR = 3.0  # standard errors by which the strain of a reflector must exceed 1, to say that its errors were too small
 OF_PATHS = (
     *("tx_position", "rx_position", "delay", "azimuth", "elevation", "delay_std", "azimuth_std", "elevation_std"),
     *("link", "reflection_loss", "reflection_loss_std", "frequency"),
 )
-COVERED = "no wall shared with other positions"
 
 
 def reconstruct(
@@ -99,7 +96,7 @@ def reconstruct(
     in_line = [*verdict.walls, *(wall for wall, why in verdict.rejected if why != ACCIDENTAL)]
     taken = np.concatenate([chains, *(wall.paths.row for wall in in_line)])
     poles, of_poles = _poles(table, taken, verdict.walls, min_support)
-    environment, enriched = _map(verdict, chains, poles, of_poles, table)
+    environment, enriched = assemble(verdict, chains, poles, of_poles, table)
     image = np.full(table.sizes["mpc"], -1)
     for number, group in enumerate(groups):
         image[paths.row[group.members[group.members < sure]]] = number
@@ -226,78 +223,3 @@ def paths_of(table: "xr.Dataset", rows: IntArray) -> Paths:
         rise_std=chosen["elevation_std"].values,
         row=rows,
     )
-
-
-def _map(
-    verdict: Verdict, chains: IntArray, poles: list[Pole], of_poles: Paths, table: "xr.Dataset"
-) -> tuple[Environment, "xr.Dataset"]:
-    """Cut walls into stretches, and say in the table which component belongs to which."""
-    ground = float(table.attrs.get("ground_height", 0.0))
-    reason = table["reason"].values.astype(object)
-    reason[table["accepted"].values] = COVERED
-    materials: dict[str, Material] = {}
-    index = np.full(table.sizes["mpc"], -1)
-    wall_point = np.full((table.sizes["mpc"], 3), np.nan)
-    for wall, why in verdict.rejected:
-        reason[wall.paths.row] = why
-    reason[chains] = CHAIN
-    names = ("end_points", "top", "normal", "offset", "covariance", "support", "residual", "material")
-    columns: dict[str, list] = {name: [] for name in names}
-    for wall, pieces in zip(verdict.walls, verdict.pieces, strict=True):
-        line = wall.line.about(np.zeros(2))
-        wider = _widening(wall.strain, wall.support)
-        index_of = round(float(np.sqrt(refractive_index_squared(wall))), 1)
-        material = Material(f"index {index_of}", refractive_index=complex(index_of, 0.0))
-        materials[material.name] = material
-        for piece in pieces:
-            members = wall.paths.row[piece.members]
-            index[members] = len(columns["top"])
-            reason[members] = ACCEPTED
-            wall_point[members] = wall.points[piece.members]
-            columns["end_points"].append(ends_of(wall, piece))
-            columns["top"].append(max(wall.points[piece.members, 2].max(), ground) + MOST_MARGIN)
-            columns["normal"].append(line.normal)
-            columns["offset"].append(line.offset)
-            columns["covariance"].append(line.covariance * wider)
-            columns["support"].append(len(piece.members))
-            columns["residual"].append(wall.strain)
-            columns["material"].append(material.name)
-    reflectors = make_reflectors(
-        np.reshape(columns.pop("end_points"), (-1, 2, 2)),
-        base=ground,
-        **{name: np.asarray(column) for name, column in columns.items()} if columns["top"] else {},
-    )
-    for number, pole in enumerate(poles, start=reflectors.sizes["reflector"]):
-        members = of_poles.row[pole.members]
-        index[members] = number
-        reason[members] = ACCEPTED
-        wall_point[members] = table["reflection_point"].values[members]
-        wall_point[members, :2] = pole.centre
-    slab = Slab(ground) if np.any(table["reason"].values == "ground bounce") else None
-    enriched = table.assign(
-        accepted=("mpc", index >= 0),
-        reason=("mpc", reason.astype(np.str_)),
-        wall=("mpc", index),
-        wall_point=(
-            ("mpc", "xyz"),
-            wall_point,
-            {"units": "m", "long_name": "where the merged wall reflects"},
-        ),
-    )
-    environment = Environment(reflectors, ground=slab, materials=materials)
-    if poles:
-        environment = environment.with_poles(
-            np.array([pole.centre for pole in poles]),
-            np.array([pole.radius for pole in poles]),
-            base=ground,
-            top=np.array([max(pole.top, ground) + MOST_MARGIN for pole in poles]),
-            covariance=np.array([pole.covariance * _widening(pole.strain, len(pole.members)) for pole in poles]),
-            support=np.array([len(pole.members) for pole in poles]),
-            residual=np.array([pole.strain for pole in poles]),
-        )
-    return environment, enriched
-
-
-def _widening(strain: float, support: int) -> float:
-    """Factor of a covariance whose paths depart from the fit by clearly more than their errors."""
-    return strain if strain > 1 + CLEAR * np.sqrt(2 / max(2 * support - 2, 1)) else 1.0

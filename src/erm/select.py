@@ -101,11 +101,12 @@ def select(
     table = _widened(_with_errors(table, delay_std, azimuth_std), rx_std)
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
-    loss, loss_std = reflection_loss(table), table["path_gain_std"].values
+    measured = loss = reflection_loss(table)
+    measured_std = loss_std = table["path_gain_std"].values
     if threshold != "letter":
         gain, loss_std = elevation.gain_given(table, elevation.of_vertical_faces(table))
         loss = loss + table["path_gain"].values - gain
-    doubt = 2 * loss_std if threshold == "consistency" else 0.0
+    doubt, measured_doubt = (2 * loss_std, 2 * measured_std) if threshold == "consistency" else (0.0, 0.0)
     direct = is_direct(table)
     if max_reflection_loss is None:
         max_reflection_loss = CONSISTENT_LOSS if threshold == "consistency" else MAX_REFLECTION_LOSS
@@ -117,9 +118,10 @@ def select(
             geometry.horizontal_length(table["tx_position"], table["rx_position"], path_length(table))
         ),
         "ground bounce": is_ground_bounce(table, ground_height),
-        "stronger than free space": loss + doubt < -GAIN_EXCESS,
+        "stronger than free space": measured + measured_doubt < -GAIN_EXCESS,
         TOO_LOSSY: ~(loss < limit if threshold == "letter" else loss - doubt <= limit),
-        "elevation of no vertical face": ~fits_vertical_face(table),
+        # from that elevation it would be stronger than free space allows: it arrived from elsewhere
+        "elevation of no vertical face": ~fits_vertical_face(table) | (loss + doubt < -GAIN_EXCESS),
     }
     reason = np.full(table.sizes["mpc"], ACCEPTED, dtype=object)
     for text, holds in reasons.items():
