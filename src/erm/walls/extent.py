@@ -26,10 +26,6 @@ class Legs(NamedTuple):
     start: FloatArray
     end: FloatArray
 
-    def and_of(self, wall: Wall) -> "Legs":
-        """Return these and both legs of each path of a wall."""
-        return Legs(*(np.vstack(pair) for pair in zip(self, legs_of(wall), strict=True)))
-
 
 class Stretch(NamedTuple):
     """A piece of a wall: its members and how far it reaches along the line."""

@@ -46,7 +46,7 @@ def mirror_of(wall: Wall, margin: float) -> Mirror:
     return Mirror(wall.line, low - margin, high + margin, index2, loss_error(wall), middle)
 
 
-def composed_of(wall: Wall, mirrors: Sequence[Mirror], climbs: Sequence[FloatArray] = ()) -> bool:
+def composed_of(wall: Wall, mirrors: Sequence[Mirror]) -> bool:
     """Whether two or three bounces off mirrors explain most paths of a wall.
 
     Undoing a mirror takes the image one bounce back; when what is left is the image in another mirror, the paths
