@@ -98,10 +98,21 @@ def reconstruct(
     walls = environment.reflectors
     kind = walls["kind"].values
     length = np.linalg.norm(walls["end_points"].values[:, 1] - walls["end_points"].values[:, 0], axis=-1)
-    columns = [*(walls[name].values for name in ("normal", "offset")), length, walls["top"].values]
+    east, north = walls["end_points"].values.mean(axis=1).T
+    columns = [*(walls[name].values for name in ("normal", "offset")), east, north, length, walls["top"].values]
     rows = np.column_stack(columns)
     console.show(
-        ["reflector", "kind", "normal [degree]", "offset [m]", "length [m]", "top [m]", "paths"],
+        [
+            "reflector",
+            "kind",
+            "normal [degree]",
+            "offset [m]",
+            "east [m]",
+            "north [m]",
+            "length [m]",
+            "top [m]",
+            "paths",
+        ],
         (
             [i, name, *map(_number, row), n]
             for i, (name, row, n) in enumerate(zip(kind, rows, walls["support"].values, strict=True))

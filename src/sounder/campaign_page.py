@@ -17,7 +17,7 @@ from sounder.summary import describe_sounder
 
 if TYPE_CHECKING:
     from sounder.campaign import Campaign
-    from sounder.run import Result
+    from sounder.campaign_result import Result
 
 SHOWN = 10
 """MPCs of a position that the page shows, the strongest; the table beside it holds all."""
@@ -132,6 +132,9 @@ def _reflector(one: xr.Dataset, number: int) -> list[object]:
     std = np.sqrt(np.diag(one["covariance"].values))
     where = [f"{east:.2f}, {north:.2f}" for east, north in ends]
     wall = one["kind"].item() == "wall"
+    if not wall:
+        errors = np.sqrt(np.diag(one["centre_covariance"].values))
+        where[0] = ", ".join(with_error(value, error) for value, error in zip(ends[0].tolist(), errors, strict=True))
     return [
         number,
         one["kind"].item(),

@@ -1,7 +1,7 @@
 """A campaign: from its recordings to products, table, map, figures and report, without what is there already."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,54 +27,11 @@ from erm.select import select
 from erm.storage import clear_leftovers, open_group, provenance
 from sounder.campaign import Campaign
 from sounder.campaign_page import tell
+from sounder.campaign_result import Result
 from sounder.pipeline import process
 from sounder.report import draw_product, drawn_before, figure_paths
 
 PRODUCTS, FIGURES, TABLE, POINTS, REPORT = "products", "figures", "mpcs.csv", "reflection-points.csv", "report.md"
-
-
-@dataclass
-class Result:
-    """What was made of a campaign.
-
-    Attributes
-    ----------
-    out : Path
-        Folder of all that was made.
-    positions : int
-        Positions of the campaign that could be opened.
-    products : dict of Path to xarray.Dataset
-        Products and their root groups, one a position, in the order of the campaign.
-    already : int
-        How many of them were there and were not made again.
-    table, located : xarray.Dataset
-        MPCs of all positions as measured; and as :func:`erm.reconstruct.reconstruct` returns them.
-    environment : Environment
-        The map.
-    outline : array (segment, 2 ends, 2) or None
-        Faces to judge the map by [m].
-    score : dict
-        What the outline says of the map; empty without one.
-    map_figure : Path
-    figures : dict of Path to list of Path
-        Figures of positions, by their product.
-    failures, notes : list of str
-        One line each.
-    """
-
-    out: Path
-    map_figure: Path
-    positions: int
-    products: dict[Path, xr.Dataset]
-    already: int
-    table: xr.Dataset
-    located: xr.Dataset
-    environment: Environment
-    outline: NDArray[Any] | None = None
-    score: dict[str, Any] = field(default_factory=dict)
-    figures: dict[Path, list[Path]] = field(default_factory=dict)
-    failures: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
 
 def run(campaign: Campaign, out: Path) -> Result:
