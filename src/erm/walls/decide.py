@@ -242,9 +242,8 @@ def _are_twins(wall: Wall, other: Wall, max_gap: float) -> bool:
         return False
     here, there = wall.line.about(other.line.pivot), other.line
     turned = abs(float(angle_difference(there.normal, here.normal)))
-    beside = (
-        theirs.min() < along.max() and theirs.max() > along.min()
-    )  # and not one after the other, as faces that bend
+    # those one after the other may be the faces of a facade that bends
+    beside = theirs.min() < along.max() and theirs.max() > along.min()
     if beside and turned < TWIN_ANGLE and abs(there.offset - here.offset) < TWIN_OFFSET:
         return True
     return float(np.mean(misfit(other.paths, wall.line) < GATE)) > 0.5

@@ -12,9 +12,7 @@ from erm.walls.wall import Wall
 
 CLEARANCE = 0.1  # m; a path that ends this near to a wall on its other side does not pass through it
 SOLID = 5.0  # m; between reflection points closer than this there is no passage that only silence tells of
-SILENT = (
-    3  # links; of gaps in line that one or two did not see, nine in ten were wall on random scenes, later three in four
-)
+SILENT = 3  # links; of gaps that one or two did not see nine in ten were wall on random scenes, later three in four
 ASTRAY = 0.05  # share of a wall's members that may come from anywhere
 TELLING = 256  # paths of a wall that are asked where they pass; more tell no more
 MOST_MARGIN = 0.5  # m; at grazing incidence the Fresnel zone is long, and half of it is enough to reflect
