@@ -99,7 +99,8 @@ def reconstruct(
     kind = walls["kind"].values
     length = np.linalg.norm(walls["end_points"].values[:, 1] - walls["end_points"].values[:, 0], axis=-1)
     east, north = walls["end_points"].values.mean(axis=1).T
-    columns = [*(walls[name].values for name in ("normal", "offset")), east, north, length, walls["top"].values]
+    normal = np.round(walls["normal"].values, 2) % 360  # and not 360.00
+    columns = [normal, walls["offset"].values, east, north, length, walls["top"].values]
     rows = np.column_stack(columns)
     console.show(
         [

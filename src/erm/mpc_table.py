@@ -91,11 +91,12 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
     table : xarray.Dataset
         All rows that keep the rules, in the order of the files.
     complaints : list of str
-        One line for each file that could not be used and for each rule that rows of a file broke.
+        One line for each file that could not be used, or repeats others, and for each rule that rows of a file broke.
     """
     import xarray as xr
 
     tables, complaints, seen = [], [], set()
+    known = _measured(empty_table())
     for path in map(Path, paths):
         if path.resolve() in seen:
             complaints.append(f"{path}: given twice; counted once")
@@ -106,8 +107,12 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
         except DataError as error:
             complaints.append(str(error))
             continue
-        tables.append(table)
         complaints += problems
+        measured = _measured(table)
+        if (again := np.isin(measured, known)).any():
+            complaints.append(f"{path}: {again.sum()} of {len(again)} components are in files before it; counted once")
+        known = np.r_[known, measured]
+        tables.append(table.isel(mpc=np.flatnonzero(~again)))
     joined = xr.concat(tables, dim="mpc") if tables else empty_table()
     return joined, complaints
 
@@ -240,6 +245,14 @@ def write_reflection_points(table: "xr.Dataset", path: Path | str) -> None:
 def path_length(table: "xr.Dataset") -> npt.NDArray[np.float64]:
     """Length (mpc,) of each path, delay times the speed of light [m]."""
     return table["delay"].values * c
+
+
+def _measured(table: "xr.Dataset") -> npt.NDArray[np.void]:
+    """What was measured where (mpc,), in one piece: no two components are alike to the last bit."""
+    places = [table[f"{end}_position"].values for end in ("tx", "rx")]
+    values = [table[name].values[:, None] for name in ("delay", "azimuth", "path_gain")]
+    columns = np.ascontiguousarray(np.hstack([*places, *values]))
+    return columns.view(np.dtype((np.void, columns.itemsize * columns.shape[1]))).ravel()
 
 
 def _number(text: str | None, blank_allowed: bool) -> float:

@@ -36,7 +36,7 @@ class Noise(NamedTuple):
     source: str
 
 
-ASSUMED = Noise(DELAY_STD, AZIMUTH_STD, ELEVATION_STD, 0, "assumption")
+ASSUMED = Noise(DELAY_STD, AZIMUTH_STD, ELEVATION_STD, 0, "an assumption")
 
 
 def of_direct_paths(table: "xr.Dataset") -> Noise:

@@ -44,14 +44,20 @@ def require_folder(path: Path) -> None:
 
 
 def spare_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
-    """Refuse to write where something is read.
+    """Refuse to write where something is read, or two things to one place.
 
     Raises
     ------
     OptionError
-        An output is an input; None is no output.
+        An output is an input, or another output; None is no output.
     """
     read = {path.resolve() for path in inputs}
+    written: set[Path] = set()
     for output in outputs:
-        if output is not None and output.resolve() in read:
+        if output is None:
+            continue
+        if output.resolve() in read:
             raise OptionError(f"{output}: is an input, which would be replaced; choose another output")
+        if output.resolve() in written:
+            raise OptionError(f"{output}: is asked for twice; choose a file for each output")
+        written.add(output.resolve())

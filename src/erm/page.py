@@ -86,7 +86,7 @@ def cell(value: object) -> str:
     if isinstance(value, bool):
         return "on" if value else "off"
     if not isinstance(value, float):
-        return str(value)
+        return str(value).replace("|", r"\|")  # which would begin another cell
     if 0 < abs(value) < LEAST:
         return f"< {LEAST}"
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"

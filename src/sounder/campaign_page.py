@@ -78,7 +78,7 @@ class _Position:
             counted(len(lines), kind) for lines, kind in ((self.failures, "failure"), (self.notes, "note")) if lines
         ]
         return [
-            f"[{self.name}](#{_anchor(self.name)})",
+            f"[{_text(self.name)}](#{_anchor(self.name)})",
             {1: "yes", 0: "no"}.get(int(self.attributes["los"]), "not known"),
             f"{np.linalg.norm(self.tx - self.rx):.2f}",
             int(self.table.sizes["mpc"]),
@@ -202,7 +202,7 @@ def _one(position: _Position, result: "Result", page: Page) -> None:
     if position.product in result.figures:
         kinds = ("DAPS in polar form", "DAPS and MPCs", "PDP")
         drawn = zip(result.figures[position.product], kinds, strict=True)
-        page.add("\n".join(_shown(path, result.out, f"{kind} of {position.name}") for path, kind in drawn))
+        page.add("\n".join(_shown(path, result.out, f"{kind} of {_text(position.name)}") for path, kind in drawn))
     count = position.table.sizes["mpc"]
     if not count:
         page.add("No MPC.")
@@ -251,6 +251,11 @@ def _shown(path: Path, out: Path, text: str) -> str:
 def _local(line: str, campaign: "Campaign") -> str:
     """A line with files named from the folder of the campaign, in which Markdown finds nothing to emphasise."""
     return line.replace(f"{campaign.source.parent}{os.sep}", "").replace("*", r"\*")
+
+
+def _text(name: str) -> str:
+    """A name within the brackets of a link."""
+    return name.replace("[", r"\[").replace("]", r"\]")
 
 
 def _anchor(name: str) -> str:

@@ -182,6 +182,7 @@ def run_campaign(
     from sounder.startup import start_processing
 
     start_processing()
+    from erm.reasons import left_out
     from sounder.campaign import load
     from sounder.run import REPORT, run
 
@@ -194,6 +195,8 @@ def run_campaign(
     found = " and ".join(console.counted(int((kind == thing).sum()), thing) for thing in ("wall", "pole"))
     used, there = int(result.located["accepted"].sum()), console.counted(result.table.sizes["mpc"], "MPC")
     print(f"map: {found} from {used} of {there}")
+    for line in left_out(result.located, described.map.min_support):
+        print(line)
     print(f"report: {folder / REPORT}")
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)

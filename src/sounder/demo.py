@@ -137,7 +137,7 @@ def _print(score: dict[str, float], out: Path, *, positions: int, mpcs: int) -> 
         ("MPCs", mpcs),
         ("accepted as single wall bounces", score["accepted"]),
         ("walls in the map", score["walls"]),
-        ("walls that are none", score["false"]),
+        ("false walls", score["false"]),
         ("walls hit by three accepted MPCs, found", f"{score['found']} of {wanted}"),
         ("RP perpendicular error, RMSE", f"{score['rmse']:.3f} m"),
         ("the same MPCs by the letter's planar equations", f"{score['planar_rmse']:.3f} m"),

@@ -100,6 +100,18 @@ def test_a_file_given_twice_counts_once_and_is_told(tmp_path: Path):
     assert complaints == [f"{path}: given twice; counted once"]
 
 
+def test_components_that_another_file_holds_too_count_once_and_are_told(tmp_path: Path):
+    path = product(tmp_path / "RX7.h5")
+    table, _ = read_mpcs([path])
+    copy = tmp_path / "all.csv"
+    write_csv(table.assign(position=("mpc", ["another name"] * table.sizes["mpc"])), copy)
+    with copy.open("a") as file:
+        file.write(GOOD + "\n")
+    both, complaints = read_mpcs([path, copy])
+    assert both.sizes["mpc"] == table.sizes["mpc"] + 1
+    assert complaints == [f"{copy}: 2 of 3 components are in files before it; counted once"]
+
+
 def test_a_missing_column_is_named_with_the_header_that_would_be_right(tmp_path: Path):
     path = lines(tmp_path / "t.csv", header=HEADER.replace(",azimuth", ""))
     with pytest.raises(DataError, match="no column azimuth; expected the header position,los,"):

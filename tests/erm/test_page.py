@@ -14,11 +14,11 @@ def test_a_figure_is_written_as_vector_and_as_picture_and_shown_with_its_caption
     open_before = plt.get_fignums()
     page = Page(tmp_path, "page.md")
     page.add("# Title")
-    page.table(["a", "b"], [["x", 0.12345], ["y", float("nan")]])
+    page.table(["a", "b"], [["x", 0.12345], ["y", float("nan")], ["one|cell", 1]])
     page.figure("curve", plt.subplots()[1], "One curve.")
     text = page.write().read_text()
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {"curve.pdf", "curve.png"}
-    assert "| x | 0.123 |\n| y | – |" in text
+    assert "| x | 0.123 |\n| y | – |\n| one\\|cell | 1 |" in text
     assert "*Figure 1 ([PDF](figures/curve.pdf)).* One curve." in text
     assert plt.get_fignums() == open_before
 

@@ -24,6 +24,10 @@ def test_an_input_is_never_replaced(tmp_path: Path, mpcs: Path, capsys):
     ):
         assert run(*arguments) == 2
         assert capsys.readouterr().err == f"{path}: is an input, which would be replaced; choose another output\n"
+    both = tmp_path / "both.csv"
+    assert run("reconstruct", mpcs, "--out", both, "--rps", tmp_path / "." / "both.csv") == 2
+    assert "both.csv: is asked for twice; choose a file for each output" in capsys.readouterr().err
+    assert not both.exists()
     assert (mpcs.read_bytes(), out.read_bytes()) == before
     assert run("predict", out, *ends, "--out", tmp_path / "paths.geojson") == 2
     assert "unknown format '.geojson'; choose .csv" in capsys.readouterr().err
