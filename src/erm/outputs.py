@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from erm.errors import DataError, OptionError
+from erm.errors import OptionError
 
 FILES = (".h5", ".hdf5", ".nc", ".csv", ".json", ".geojson", ".gpkg", ".toml", ".md", ".png", ".pdf", ".svg")
 """Suffixes that no folder for outputs has."""
@@ -30,9 +30,7 @@ def require_folder(path: Path) -> None:
     Raises
     ------
     OptionError
-        It is a file, or named like one.
-    DataError
-        It is not writable.
+        It is a file, named like one, or not writable.
     """
     if path.is_file():
         raise OptionError(f"{path}: is a file; choose a folder to write into")
@@ -40,7 +38,7 @@ def require_folder(path: Path) -> None:
         raise OptionError(f"{path}: looks like a file; choose a folder to write into")
     there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not os.access(there, os.W_OK | os.X_OK):
-        raise DataError(f"{path}: cannot be written; choose a writable folder")
+        raise OptionError(f"{path}: cannot be written; choose a writable folder")
 
 
 def spare_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
