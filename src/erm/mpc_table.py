@@ -96,7 +96,7 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
     import xarray as xr
 
     tables, complaints, seen = [], [], set()
-    known = _measured(empty_table())
+    known: set[bytes] = set()
     for path in map(Path, paths):
         if path.resolve() in seen:
             complaints.append(f"{path}: given twice; counted once")
@@ -109,9 +109,10 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
             continue
         complaints += problems
         measured = _measured(table)
-        if (again := np.isin(measured, known)).any():
+        again = np.array([one in known for one in measured], dtype=bool)
+        if again.any():
             complaints.append(f"{path}: {again.sum()} of {len(again)} components are in files before it; counted once")
-        known = np.r_[known, measured]
+        known.update(measured)
         tables.append(table.isel(mpc=np.flatnonzero(~again)))
     joined = xr.concat(tables, dim="mpc") if tables else empty_table()
     return joined, complaints
@@ -247,12 +248,11 @@ def path_length(table: "xr.Dataset") -> npt.NDArray[np.float64]:
     return table["delay"].values * c
 
 
-def _measured(table: "xr.Dataset") -> npt.NDArray[np.void]:
+def _measured(table: "xr.Dataset") -> list[bytes]:
     """What was measured where (mpc,), in one piece: no two components are alike to the last bit."""
     places = [table[f"{end}_position"].values for end in ("tx", "rx")]
     values = [table[name].values[:, None] for name in ("delay", "azimuth", "path_gain")]
-    columns = np.ascontiguousarray(np.hstack([*places, *values]))
-    return columns.view(np.dtype((np.void, columns.itemsize * columns.shape[1]))).ravel()
+    return [row.tobytes() for row in np.ascontiguousarray(np.hstack([*places, *values]))]
 
 
 def _number(text: str | None, blank_allowed: bool) -> float:

@@ -8,6 +8,11 @@ from erm import reconstruct as module
 from erm.geometry import angle_difference, mirrored, unit
 from erm.reconstruct import reconstruct
 from erm.select import select
+from erm.walls import bends as bends_of
+from erm.walls.bends import unbent
+from erm.walls.fit import fit_line
+from erm.walls.line import seed_line
+from erm.walls.turns import Group
 
 from .bounces import bounces, joined
 
@@ -166,3 +171,23 @@ def test_paths_that_may_be_too_weak_for_a_wall_make_a_facade_no_longer():
     environment, _ = reconstruct(select(table))
     # the last sure path bounces at 0 m, the unsure ones 8 to 10 m from there; half a metre is the margin
     assert environment.reflectors["end_points"].values[..., 0].max() < 1.0
+
+
+@pytest.mark.parametrize(("strays", "asked"), [(3, True), (9, False)])
+def test_among_as_many_strays_as_paths_a_facade_is_not_asked_how_many_faces_it_has(strays, asked, monkeypatch):
+    # eight links saw a straight wall, and as many others as there are strays have paths about what it predicts
+    rng = np.random.default_rng(5)
+    tx = np.array([0.0, 0.0, 12.0])
+    rx = np.column_stack([np.linspace(-30, 30, 8 + strays), rng.uniform(-8, 8, 8 + strays), np.full(8 + strays, 1.5)])
+    table = joined([bounces(np.tile(tx, (len(rx), 1)), rx, (270.0, -30.0))], 0.0, 0.0, 5)
+    table["delay_std"][:], table["azimuth_std"][:] = DELAY_STD, AZIMUTH_STD
+    off = np.arange(8, len(rx))
+    table["delay"][off] = table["delay"].values[off] + rng.choice([-1, 1], strays) * rng.uniform(2, 3, strays) * 1e-9
+    paths = module.paths_of(select(table), np.arange(len(rx)))
+    free = np.zeros(len(rx), dtype=bool)
+    free[off] = True
+    divided = []
+    monkeypatch.setattr(bends_of, "_divided", lambda *given: divided.append(1) or given[3])
+    group = Group(fit_line(paths.take(~free), seed_line(paths.take(~free))), np.flatnonzero(~free))
+    assert unbent(paths, [group], free, 3) == [group]
+    assert bool(divided) == asked
