@@ -4,8 +4,8 @@ from harness import conclude, sequence  # isort: skip
 
 import numpy as np
 
-from sounder.kernels import reference
-from sounder.kernels.average import MSequenceCorrelator
+from sounder.kernels.correlation import reference
+from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 
 CLAIMED = 1e-6
 

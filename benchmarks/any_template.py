@@ -5,7 +5,7 @@ from harness import conclude, interleaved, read, recording, table  # isort: skip
 import numpy as np
 from routes import check, fft_routes, numpy_batch
 
-from sounder.kernels.any_template import TemplateCorrelator
+from sounder.kernels.correlation.any_template import TemplateCorrelator
 
 OURS, READ = "any-template route", "reading only"
 

@@ -6,9 +6,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from sounder import shipped, writer
-from sounder.config import Sounder, load
-from sounder.twin import back_to_back, record
+from sounder import shipped
+from sounder.instrument.description import Sounder, load
+from sounder.recordings import writer
+from sounder.twin.receiver import back_to_back, record
 
 import xarray as xr  # isort: skip
 

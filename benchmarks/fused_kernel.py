@@ -7,8 +7,8 @@ import os
 import numpy as np
 from routes import check, fft_routes, numpy_batch, scipy_loop
 
-from sounder.kernels.average import MSequenceCorrelator
-from sounder.kernels.reference import chip_template
+from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
+from sounder.kernels.correlation.reference import chip_template
 
 OURS = "fused Walsh-Hadamard kernel"
 READ = "reading only"

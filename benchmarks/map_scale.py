@@ -18,11 +18,11 @@ import shapely
 from machine import USUAL, loop_time
 from scipy.constants import c
 
-from erm.evaluate import evaluate_walls
-from erm.geometry import azimuth_of, mirrored
-from erm.mpc_table import make_table
-from erm.reconstruct import reconstruct
-from erm.select import select
+from erm.evaluation.outline import evaluate_walls
+from erm.geometry.vertical import azimuth_of, mirrored
+from erm.mpcs.selection import select
+from erm.mpcs.table import make_table
+from erm.reconstruction.reconstruct import reconstruct
 
 FREQUENCY = 132e9
 DELAY_STD, AZIMUTH_STD, ELEVATION_STD = 1e-10, 0.5, 0.5

@@ -5,8 +5,8 @@ from harness import conclude, interleaved, read, recording, sequence, table  # i
 import numpy as np
 import routes
 
-from sounder.kernels.average import MSequenceCorrelator
-from sounder.kernels.reference import chip_template
+from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
+from sounder.kernels.correlation.reference import chip_template
 
 OURS, BATCH, READ = "fused Walsh-Hadamard kernel", "numpy, complex128 batch", "reading only"
 

@@ -11,8 +11,8 @@ import campaign
 import h5py
 import numpy as np
 
-from sounder.intake import gather
-from sounder.pipeline import process
+from sounder.processing.jobs import gather
+from sounder.processing.pipeline import process
 
 COUNT = 300
 

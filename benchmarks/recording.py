@@ -9,11 +9,11 @@ import campaign
 import h5py
 import numpy as np
 
-from sounder.correlate import calibrate, impulse_responses
-from sounder.daps import daps
-from sounder.intake import gather
-from sounder.mpc import extract
-from sounder.waveform import held_template
+from sounder.cir.impulse_response import calibrate, impulse_responses
+from sounder.cir.power_spectrum import daps
+from sounder.instrument.waveform import held_template
+from sounder.mpc.extract import extract
+from sounder.processing.jobs import gather
 
 SNAPSHOTS = 2432  # 1.0 GiB
 OURS, READ, SCRIPT, SHORT, MPC = (

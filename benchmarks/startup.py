@@ -12,8 +12,8 @@ from pathlib import Path
 import campaign
 import numpy as np
 
-from sounder.intake import gather
-from sounder.pipeline import process
+from sounder.processing.jobs import gather
+from sounder.processing.pipeline import process
 
 
 def timed(*command: str, **environment: str) -> float:

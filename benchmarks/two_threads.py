@@ -11,9 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from sounder.kernels.average import MSequenceCorrelator
-from sounder.kernels.directions import average_directions
-from sounder.kernels.reference import chip_template
+from sounder.kernels.correlation.directions import average_directions
+from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
+from sounder.kernels.correlation.reference import chip_template
 
 OURS, READ = "averages of directions, two threads", "reading only, two threads"
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.config import load
-from sounder.touchstone import read_s21
-from sounder.twin import back_to_back
-from sounder.writer import write_back_to_back
+from sounder.instrument.description import load
+from sounder.instrument.touchstone import read_s21
+from sounder.recordings.writer import write_back_to_back
+from sounder.twin.receiver import back_to_back
 
 HPBW = {"azimuth": 10.0, "elevation": 9.0}
 PHASE_ERROR = np.radians(35.0)

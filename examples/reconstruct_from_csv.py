@@ -8,10 +8,10 @@ import sys
 import numpy as np
 
 from erm.figures import plot_map
-from erm.mpc_table import read_mpcs
-from erm.reconstruct import reconstruct
-from erm.select import select
-from erm.trace import trace
+from erm.mpcs.selection import select
+from erm.mpcs.table import read_mpcs
+from erm.reconstruction.reconstruct import reconstruct
+from erm.tracing.trace import trace
 
 
 def main(mpcs: str, map_file: str, picture: str) -> None:

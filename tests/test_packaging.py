@@ -62,7 +62,7 @@ def test_shipped_description_and_scene_are_read_from_the_installation(elsewhere)
     # reading follows the names inside: the scene's sounder, the sounder's antenna cut
     program = (
         "from sounder import shipped\n"
-        "from sounder.scene import load_scene\n"
+        "from sounder.twin.scene import load_scene\n"
         "for name in ('uma.toml', 'lroom.toml'):\n"
         "    print(load_scene(shipped.scene(name)).sounder.carrier.frequency)\n"
     )
@@ -75,7 +75,7 @@ def test_the_letters_study_finds_the_twin_of_the_installation(elsewhere):
         "points = distribution('sounder-to-map').entry_points.select(group='erm.captures')\n"
         "print([point.load().__name__ for point in points])\n"
     )
-    assert elsewhere("-c", program).strip() == "['sounder.captures']"
+    assert elsewhere("-c", program).strip() == "['sounder.campaign.study']"
 
 
 @pytest.mark.parametrize("name", ["sounder", "erm"])
@@ -100,7 +100,7 @@ def test_geometry_is_imported_without_the_sounder(elsewhere):
         "    print(module.name)\n"
         "assert 'sounder' not in sys.modules\n"
     )
-    assert "erm.reconstruct" in elsewhere("-c", program).split()
+    assert "erm.reconstruction.reconstruct" in elsewhere("-c", program).split()
 
 
 def test_wheel_tells_its_licence_and_that_it_is_typed(installed):

@@ -1,6 +1,6 @@
 """Entry point of ``erm``, which loads nothing before it can be interrupted."""
 
-from erm.launch import launch
+from erm.common.launch import launch
 
 
 def main() -> None:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from erm import console
-from erm.errors import DataError
-from erm.outputs import require_folder, spare_inputs
-from sounder.choices import Averaging, Format, Method, Omnidirectional, Threshold
+from erm.common import console
+from erm.common.errors import DataError
+from erm.common.outputs import require_folder, spare_inputs
+from sounder.options import Averaging, Format, Method, Omnidirectional, Threshold
 
 if TYPE_CHECKING:
-    from sounder.position import Outcome
+    from sounder.processing.position import Outcome
 
 app = typer.Typer(
     add_completion=False,
@@ -43,7 +43,7 @@ def demo(
     It is simulated, processed from the raw captures, reconstructed and scored.
     """
     require_folder(out)
-    from sounder.demo import run
+    from sounder.campaign.demo import run
 
     run(out)
 
@@ -58,8 +58,8 @@ def simulate(
     Its truth, environment and paths, is written beside them.
     """
     require_folder(out)
-    from sounder.scene import load_scene
-    from sounder.simulate import simulate_campaign
+    from sounder.twin.scene import load_scene
+    from sounder.twin.simulate import simulate_campaign
 
     loaded = load_scene(scene)
     with console.progress("simulating", len(loaded.receivers)) as advance:
@@ -75,12 +75,12 @@ def info(
     each: Annotated[bool, typer.Option("--each", help=f"Tell all of each position, of more than {FEW} too.")] = False,
 ) -> None:
     """Tell what a raw or product file holds, and its health."""
-    from sounder import summary
+    from sounder.processing import summary
 
     if layout is None:
         console.show(["what", "value"], summary.describe_file(file))
         return
-    from sounder.intake import open_file, refusals
+    from sounder.processing.jobs import open_file, refusals
 
     found, b2b = open_file(file, layout=layout, sounder=sounder)
     failures = refusals(file, found)
@@ -108,7 +108,7 @@ def convert(
     spare_inputs((out,), (file,))
     if out.suffix.lower() != ".h5":
         require_folder(out)
-    from sounder.convert import convert_file
+    from sounder.processing.convert import convert_file
 
     with console.progress("converting", 1):
         outcome = convert_file(file, out, layout=layout, sounder=sounder)
@@ -145,12 +145,12 @@ def process(
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
     require_folder(out)
-    from sounder.startup import start_processing
+    from sounder.kernels.compiler.startup import start_processing
 
     start_processing()
-    from sounder.intake import gather
-    from sounder.pipeline import process
-    from sounder.position import Options
+    from sounder.processing.jobs import gather
+    from sounder.processing.pipeline import process
+    from sounder.processing.position import Options
 
     options = Options(
         averaging=averaging.value,
@@ -179,12 +179,12 @@ def run_campaign(
 
     Positions that were processed before, from the same files with the same options, are not processed again.
     """
-    from sounder.startup import start_processing
+    from sounder.kernels.compiler.startup import start_processing
 
     start_processing()
-    from erm.reasons import left_out
-    from sounder.campaign import load
-    from sounder.run import REPORT, run
+    from erm.reconstruction.summary import left_out
+    from sounder.campaign.description import load
+    from sounder.campaign.run import REPORT, run
 
     described = load(campaign)
     result = run(described, out or described.out)
@@ -214,7 +214,7 @@ def figures(
 
     The DAPS is drawn in polar form, and in cartesian form with the MPCs over it.
     """
-    from sounder.report import draw_overlay, draw_product
+    from sounder.figures.files import draw_overlay, draw_product
 
     if overlay and len(products) != 2:
         raise typer.BadParameter(f"--overlay takes two products, got {len(products)}")
@@ -256,9 +256,9 @@ def score(
     """
     import json
 
-    from erm.evaluate import rounded
-    from sounder.report import score_products, write_score
-    from sounder.score import Gates
+    from erm.evaluation.outline import rounded
+    from sounder.figures.files import score_products, write_score
+    from sounder.mpc.score import Gates
 
     if out:
         require_folder(out)

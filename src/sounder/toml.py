@@ -8,8 +8,8 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 
-from erm.errors import DataError
-from erm.usage import shortened, wrong
+from erm.common.errors import DataError
+from erm.common.usage import shortened, wrong
 
 
 def read_toml(path: Path | str) -> dict[str, Any]:

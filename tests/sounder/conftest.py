@@ -11,11 +11,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sounder import shipped
-from sounder.antenna import Pattern
-from sounder.calibration import Deembedding, deembedding
-from sounder.config import Sounder, load, parse
-from sounder.recording import BackToBack
-from sounder.waveform import band_limited_template, held_template
+from sounder.cir.deembedding import Deembedding, deembedding
+from sounder.instrument.antenna_pattern import Pattern
+from sounder.instrument.description import Sounder, load, parse
+from sounder.instrument.waveform import band_limited_template, held_template
+from sounder.recordings.recording import BackToBack
 
 Path4 = tuple[float, float, float, float]  # path gain [dB], delay [s], azimuth, elevation [degree]
 

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from erm.environment import Environment
 from erm.figures.style import PALETTE, draw_points, draw_segments, fit_frame, legend_above, new_axes
-from erm.geometry import FloatArray
+from erm.geometry.vertical import FloatArray
+from erm.maps.environment import Environment
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,7 +29,7 @@ def plot_map(
     environment : Environment, optional
         Merged walls and poles.
     table : xarray.Dataset, optional
-        MPC table; its antennas are drawn and, after `erm.reconstruct`, its accepted reflection points.
+        MPC table; its antennas are drawn and, after `erm.reconstruction.reconstruct`, its accepted reflection points.
     outline : array (segment, 2 ends, 2), optional
         Known faces [m]; drawn where the rest of the map is.
     names : sequence of str

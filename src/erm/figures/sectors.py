@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.patheffects import withStroke
 
-from erm.explain import DIRECT, UNEXPLAINED, Sector, bounces_of
+from erm.evaluation.explain import DIRECT, UNEXPLAINED, Sector, bounces_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,14 +38,14 @@ def plot_sectors(
     Parameters
     ----------
     sectors : sequence of Sector
-        From `erm.explain.sectors`.
+        From `erm.evaluation.explain.sectors`.
     axes : matplotlib.projections.polar.PolarAxes
         With delay in nanoseconds as radius, of which the limit is set already; its figure should have a constrained
         layout.
     table : xarray.Dataset, optional
         MPC table of what the DAPS shows; every component is marked by how many bounces explain it.
     labels : sequence of str
-        From `erm.explain.explain`, one a component.
+        From `erm.evaluation.explain.explain`, one a component.
     """
     outer = axes.get_rmax()
     rings = [radius for radius in axes.get_yticks() if radius < 0.95 * outer]

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from erm.geometry import FloatArray
+from erm.geometry.vertical import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,6 +18,7 @@ MARKERS: dict[str, dict[str, Any]] = {
     "RP": {"marker": "x", "s": 26, "zorder": 4, "linewidths": 1.2},
 }
 CURVES = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+WIDE = 30.0  # times; medians further apart than this need a logarithmic axis
 MARGIN = 0.08  # share of the map's larger side left free around it
 ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "fontsize": "small"}
 """Place of a legend over the axes, where it hides nothing."""

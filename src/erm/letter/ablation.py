@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from erm.geometry import angle_difference
+from erm.geometry.vertical import angle_difference
 from erm.letter.captures import Campaign
 from erm.letter.truth import NO_PATH, IntArray, behind, is_single_wall_bounce, rays_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from erm.geometry import FloatArray
+    from erm.geometry.vertical import FloatArray
 
 
 class Parts(NamedTuple):

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 import xarray as xr
 
-from erm.environment import Environment
-from erm.errors import DataError
-from erm.geometry import FloatArray
+from erm.common.errors import DataError
+from erm.geometry.vertical import FloatArray
+from erm.maps.environment import Environment
 
 if TYPE_CHECKING:
     from matplotlib.projections.polar import PolarAxes
@@ -119,7 +119,7 @@ class Measured:
     Parameters
     ----------
     mpcs : xarray.Dataset
-        MPC table (`erm.mpc_table`) of all positions.
+        MPC table (`erm.mpcs.table`) of all positions.
     snr : array (mpc,)
         Power over noise in the strongest beam [dB].
     daps : mapping of str to xarray.Dataset

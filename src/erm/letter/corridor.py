@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from erm.environment import Environment
 from erm.letter import published
 from erm.letter.captures import Campaign, Captures, Change
 from erm.letter.routes import Study, study
 from erm.letter.truth import is_single_wall_bounce, rays_of
+from erm.maps.environment import Environment
 
 ROUTE = "Route 2"
 INSIDE = (70.0, -58.0, 4.0)  # m; in the corridor, further east than the route

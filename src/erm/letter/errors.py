@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from erm.evaluate import summary
-from erm.figures import plot_error_cdf, plot_face_errors, plot_ordinates
-from erm.geometry import FloatArray
+from erm.common.page import Page, cell
+from erm.evaluation.outline import summary
+from erm.figures import plot_error_cdf
+from erm.geometry.vertical import FloatArray
 from erm.letter import published, routes
+from erm.letter.figures import plot_face_errors, plot_ordinates
 from erm.letter.methods import COLOURS, MERGED, PLANAR, PRINTED, SINGLE
 from erm.letter.scatter import printed_signs, scatter
-from erm.page import Page, cell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from erm.environment import Environment
-from erm.evaluate import evaluate_walls, point_errors, summary
-from erm.geometry import FloatArray, reflection_point
+from erm.evaluation.outline import evaluate_walls, point_errors, summary
+from erm.geometry.vertical import FloatArray, reflection_point
 from erm.letter.ablation import Parts, parts
 from erm.letter.captures import Campaign
 from erm.letter.methods import MERGED
 from erm.letter.routes import Study, perpendicular_errors
 from erm.letter.truth import Rays, behind, is_single_wall_bounce, rays_of
-from erm.mpc_table import path_length
-from erm.outline import outline_of
-from erm.reconstruct import reconstruct
-from erm.select import select
+from erm.maps.environment import Environment
+from erm.maps.outline import outline_of
+from erm.mpcs.selection import select
+from erm.mpcs.table import path_length
+from erm.reconstruction.reconstruct import reconstruct
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from erm.figures import plot_predictions, plot_sweeps
+from erm.common.page import Page
+from erm.letter.figures import plot_predictions, plot_sweeps
 from erm.letter.outcome import ON_WALL
 from erm.letter.prediction import ASIDE, Predicted
 from erm.letter.replicates import CLEAR, is_clear, mean, with_error
 from erm.letter.sweeps import SPACING, Gain, Setback, Sweep, gains, setbacks
-from erm.page import Page
 
 MEASURES = {"completeness": "completeness", "point_error": "the RP error", "wall_error": "the wall error"}
 

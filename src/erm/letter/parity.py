@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erm.evaluate import summary
-from erm.geometry import FloatArray
+from erm.common.page import Page
+from erm.evaluation.outline import summary
+from erm.geometry.vertical import FloatArray
 from erm.letter import corridor, published
 from erm.letter.methods import MERGED, PLANAR
 from erm.letter.room import Sensed
 from erm.letter.routes import Study
-from erm.page import Page
 
 BAR = 0.01  # m; to which printed numbers that can be recomputed must be matched
 NOT_THERE = float("nan")

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from erm.environment import Environment
-from erm.evaluate import point_errors
-from erm.geometry import FloatArray, angle_difference
+from erm.evaluation.outline import point_errors
+from erm.geometry.vertical import FloatArray, angle_difference
 from erm.letter.captures import Campaign
 from erm.letter.replicates import columns
-from erm.reconstruct import reconstruct
-from erm.select import select
-from erm.trace import trace
+from erm.maps.environment import Environment
+from erm.mpcs.selection import select
+from erm.reconstruction.reconstruct import reconstruct
+from erm.tracing.trace import trace
 
 if TYPE_CHECKING:
     import xarray as xr

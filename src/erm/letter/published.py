@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from erm.evaluate import summary
-from erm.geometry import FloatArray
+from erm.evaluation.outline import summary
+from erm.geometry.vertical import FloatArray
 
 EAST_BUILDING = np.array([[46.78, 46.57], [41.10, 106.57]])  # m, two measured points of its face
 EAST_BUILDING_LINE = (-10.56, 540.72)  # slope and intercept [m], as printed

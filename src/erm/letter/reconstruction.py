@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from erm.evaluate import evaluate_walls
-from erm.explain import names_of
+from erm.common.page import Page
+from erm.evaluation.explain import names_of
+from erm.evaluation.outline import evaluate_walls
 from erm.figures import mark_width, plot_map
-from erm.geometry import FloatArray
+from erm.geometry.vertical import FloatArray
 from erm.letter import corridor, published, routes
-from erm.outline import outline_of
-from erm.page import Page
+from erm.maps.outline import outline_of
 
 SHOWN = ((("Route 1", "Route 2"), "routes_1_2"), (("Route 3", "Route 4"), "routes_3_4"))
 MARKED = 62.0  # m; easting of the arrow across the corridor

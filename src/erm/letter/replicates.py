@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from erm.geometry import FloatArray
+from erm.geometry.vertical import FloatArray
 
 CLEAR = 2.0  # standard errors; a difference of fewer is scatter
 

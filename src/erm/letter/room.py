@@ -15,22 +15,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from erm.constants import c
-from erm.evaluate import summary
-from erm.fresnel import fresnel, roughness_factor
-from erm.geometry import FloatArray, reflection_point
+from erm.common.constants import c
+from erm.evaluation.outline import summary
+from erm.geometry.vertical import FloatArray, reflection_point
 from erm.letter.ablation import parts
 from erm.letter.captures import Campaign, Captures, Change
 from erm.letter.methods import MERGED, PLANAR, SINGLE
 from erm.letter.truth import NO_PATH, as_table, behind, is_single_wall_bounce, rays_of
-from erm.mpc_table import path_length
-from erm.reconstruct import reconstruct
-from erm.select import select
+from erm.mpcs.selection import select
+from erm.mpcs.table import path_length
+from erm.reconstruction.reconstruct import reconstruct
+from erm.tracing.fresnel import fresnel, roughness_factor
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from erm.environment import Environment
+    from erm.maps.environment import Environment
 
 SCENE = "lroom"
 SMALL = 0.02  # m; the letter gives the share of errors under it
@@ -79,7 +79,7 @@ class Sensed:
     environment : Environment
         Reconstructed.
     table : xarray.Dataset
-        From `erm.reconstruct`, the components whose errors the rows hold.
+        From `erm.reconstruction.reconstruct`, the components whose errors the rows hold.
     mpcs, accepted, false : int
         Components that were measured; such as make the map; of these, such as are no single bounces off a wall.
     there, measured : int

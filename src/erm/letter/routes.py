@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from erm.constants import c
-from erm.environment import Environment
-from erm.evaluate import point_errors, summary
-from erm.geometry import FloatArray, reflection_point, unit
+from erm.common.constants import c
+from erm.evaluation.outline import point_errors, summary
+from erm.geometry.vertical import FloatArray, reflection_point, unit
 from erm.letter.captures import AS_IT_IS, Campaign, Captures, Change
 from erm.letter.methods import MERGED, PLANAR, SINGLE
 from erm.letter.published import TABLE_2
 from erm.letter.truth import NO_PATH, IntArray, behind, is_single_wall_bounce, rays_of
-from erm.mpc_table import path_length
-from erm.outline import outline_of
-from erm.reconstruct import reconstruct
-from erm.select import select
+from erm.maps.environment import Environment
+from erm.maps.outline import outline_of
+from erm.mpcs.selection import select
+from erm.mpcs.table import path_length
+from erm.reconstruction.reconstruct import reconstruct
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,7 +42,7 @@ class Study:
     environment : Environment
         Reconstructed from all positions together.
     table : xarray.Dataset
-        From `erm.reconstruct`.
+        From `erm.reconstruction.reconstruct`.
     face : array (mpc,)
         Reflector of the true environment that each component bounced off; -1 for all that are no single bounces off a
         wall.

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from erm.constants import c
-from erm.evaluate import summary
-from erm.geometry import FloatArray, reflection_point
+from erm.common.constants import c
+from erm.evaluation.outline import summary
+from erm.geometry.vertical import FloatArray, reflection_point
 from erm.letter.published import (
     COLUMN_OF_ROUTE,
     EAST_BUILDING_LINE,

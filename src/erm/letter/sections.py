@@ -1,8 +1,8 @@
 """How the page opens: what it is, how the letter must be read, and its set-ups beside ours."""
 
+from erm.common.page import Page
 from erm.letter import published, room, routes
 from erm.letter.captures import Campaign
-from erm.page import Page
 
 
 def opening(page: Page) -> None:

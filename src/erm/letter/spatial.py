@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from erm.explain import UNEXPLAINED, bounces_of, explain, origin_of, sectors
+from erm.common.page import Page
+from erm.evaluation.explain import UNEXPLAINED, bounces_of, explain, origin_of, sectors
 from erm.figures import plot_sectors
 from erm.letter.captures import Captures
 from erm.letter.routes import Study
 from erm.letter.truth import NO_PATH, behind, rays_of
-from erm.page import Page
 
 if TYPE_CHECKING:
     import numpy.typing as npt

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from erm import console
+from erm.common import console
+from erm.common.page import Page
 from erm.letter import (
     corridor,
     errors,
@@ -20,7 +21,6 @@ from erm.letter import (
     verification,
 )
 from erm.letter.captures import Campaign, Captures, Change, Remembered
-from erm.page import Page
 
 PAGE = "letter.md"
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from erm.geometry import FloatArray
+from erm.geometry.vertical import FloatArray
 from erm.letter.captures import AS_IT_IS, Campaign, Captures, Change, Link
 from erm.letter.outcome import Located, Outcome, judged, root_mean_square, true_points
 from erm.letter.replicates import columns, difference, is_clear, mean, standard_error

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from erm.geometry import FloatArray, angle_difference
+from erm.geometry.vertical import FloatArray, angle_difference
 from erm.letter.captures import Campaign
-from erm.mpc_table import make_table
-from erm.trace import trace
+from erm.mpcs.table import make_table
+from erm.tracing.trace import trace
 
 if TYPE_CHECKING:
     import xarray as xr

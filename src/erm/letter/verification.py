@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from erm.common.page import Page
 from erm.figures import plot_error_cdf, plot_sensed_points
 from erm.letter import published, room
 from erm.letter.captures import Campaign
 from erm.letter.methods import COLOURS
 from erm.letter.outcome import true_points
-from erm.outline import outline_of
-from erm.page import Page
+from erm.maps.outline import outline_of
 
 BARS = {"mean": 0.005, "rmse": 0.010}  # m, for merged walls
 HEADS = ["min [m]", "max [m]", "mean [m]", "RMSE [m]", f"under {room.SMALL} m"]

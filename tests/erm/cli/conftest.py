@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.constants import c
 
-from erm.geometry import azimuth_of, mirrored
-from erm.mpc_table import make_table, write_csv
+from erm.geometry.vertical import azimuth_of, mirrored
+from erm.mpcs.table import make_table, write_csv
 
 TX = np.array([-40.0, 3.0, 12.0])
 WALL = (90.0, -9.0)  # y = -9

@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from erm.cli import app
-from erm.environment import Environment, Slab
-from erm.errors import DataError
-from erm.georeference import Georeference
+from erm.common.errors import DataError
+from erm.maps.environment import Environment, Slab
+from erm.maps.georeference import Georeference
 
 ENDS = np.array([[[0.0, 0.0], [20.0, 0.0]], [[20.0, 0.0], [20.0, 10.0]]])
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from erm.environment import Environment
-from erm.mpc_table import read_csv
+from erm.maps.environment import Environment
+from erm.mpcs.table import read_csv
 
 from .commands import run
 
@@ -141,7 +141,7 @@ def test_version_and_a_line_for_each_command(monkeypatch, capsys):
 
 def test_help_is_quick():
     start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "erm.cli", "--help"], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "erm", "--help"], check=True, capture_output=True)
     # 0.35 s alone; numpy, xarray or pyplot would each add what tells them, on a busy machine too
     assert time.perf_counter() - start < 3
     heavy = "import erm.cli, sys; sys.exit(any(name in sys.modules for name in ('numpy', 'xarray', 'matplotlib')))"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.constants import c
 
-from erm.environment import Environment
-from erm.geometry import azimuth_of, mirrored
-from erm.mpc_table import empty_table, make_table, write_csv
+from erm.geometry.vertical import azimuth_of, mirrored
+from erm.maps.environment import Environment
+from erm.mpcs.table import empty_table, make_table, write_csv
 
 from .commands import run
 

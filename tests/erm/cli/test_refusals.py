@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from erm.environment import Environment
+from erm.maps.environment import Environment
 
 from .commands import run
 

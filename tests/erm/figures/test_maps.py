@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from erm.environment import Environment
 from erm.figures import PALETTE, mark_width, plot_map, plot_sensed_points
-from erm.mpc_table import empty_table, make_table
-from erm.reconstruct import reconstruct
-from erm.select import select
+from erm.maps.environment import Environment
+from erm.mpcs.selection import select
+from erm.mpcs.table import empty_table, make_table
+from erm.reconstruction.reconstruct import reconstruct
 
 OUTLINE = np.array([[[0.0, 0.0], [50.0, 0.0]], [[500.0, 0.0], [500.0, 50.0]]])
 

@@ -4,9 +4,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from erm.explain import Sector
+from erm.evaluation.explain import Sector
 from erm.figures import plot_sectors
-from erm.mpc_table import make_table
+from erm.mpcs.table import make_table
 
 
 @pytest.fixture(autouse=True)

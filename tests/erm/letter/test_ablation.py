@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from erm.environment import Environment
 from erm.letter.ablation import parts
 from erm.letter.captures import Campaign, Link, Measured, Remembered
 from erm.letter.truth import as_table, rays_of
+from erm.maps.environment import Environment
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from erm.environment import Environment
 from erm.letter.captures import Campaign, Link
 from erm.letter.prediction import LEAST, beside, choices, cut_back, judge, predict
 from erm.letter.sweeps import along
 from erm.letter.truth import as_table, rays_of
+from erm.maps.environment import Environment
 
 TX = (0.0, 0.0, 10.0)
 

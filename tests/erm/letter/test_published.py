@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from erm.evaluate import summary
+from erm.evaluation.outline import summary
 from erm.letter import published
 
 

@@ -5,10 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from erm.environment import Environment, Slab
 from erm.letter import room
 from erm.letter.captures import Campaign, Link
 from erm.letter.truth import is_single_wall_bounce, rays_of
+from erm.maps.environment import Environment, Slab
 
 CORNERS = np.array([(0, 0), (20, 0), (20, 5), (10, 5), (10, 10), (0, 10)], dtype=float)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from sounder.summary import describe_file
+from sounder.processing.summary import describe_file
 
 from .commands import SCENE, SOUNDER, names, run
 

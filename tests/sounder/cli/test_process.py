@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from scipy.constants import c
 
-from erm.environment import Environment
+from erm.maps.environment import Environment
 
 from .commands import digest, group, names, run
 

@@ -10,10 +10,10 @@ import h5py
 import numpy as np
 import pytest
 
-from erm.storage import open_group
-from sounder import pipeline
-from sounder.intake import gather
-from sounder.report import drawn_before
+from erm.common.storage import open_group
+from sounder.figures.files import drawn_before
+from sounder.processing import pipeline
+from sounder.processing.jobs import gather
 
 from .commands import digest, facts, names, run
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from erm.mpc_table import make_table, read_product, write_csv
-from erm.storage import open_group
+from erm.common.storage import open_group
+from erm.mpcs.table import make_table, read_product, write_csv
 
 from .commands import run
 

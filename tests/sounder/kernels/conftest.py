@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from sounder.antenna import Pattern
-from sounder.kernels import simd
-from sounder.kernels.view import View, beams_of, table_of
-from sounder.matched import OVER
+from sounder.cir.matched_filter import OVER
+from sounder.instrument.antenna_pattern import Pattern
+from sounder.kernels.correlation import avx512_instructions
+from sounder.kernels.extraction.scan_view import View, beams_of, table_of
 
 # s[n + order] is the sum (mod 2) of s[n + tap]: one primitive polynomial an order.
 TAPS = {
@@ -44,7 +44,7 @@ def m_sequence() -> Callable[..., Chips]:
 def path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Either way to compute; correlators made in the test take it."""
     monkeypatch.setenv("SOUNDER_PORTABLE_KERNELS", "1" if request.param == "portable" else "0")
-    if request.param == "vector" and not simd.available():
+    if request.param == "vector" and not avx512_instructions.available():
         pytest.skip("the processor has no AVX-512")
     return request.param
 

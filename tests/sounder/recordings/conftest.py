@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from sounder import twin
-from sounder.recording import Recording
-from sounder.writer import write_recording
+from sounder.recordings.recording import Recording
+from sounder.recordings.writer import write_recording
+from sounder.twin import receiver
 
 from .files import SCAN, WAVEFORM
 
@@ -22,7 +22,7 @@ def sounder(description):
 def recording(sounder) -> Recording:
     """Noise of the instrument, with its gain control and its clock."""
     none = {name: ("path", np.zeros(0)) for name in ("delay", "azimuth", "elevation", "coefficient")}
-    return twin.record(
+    return receiver.record(
         xr.Dataset(none),
         sounder,
         name="P 1",

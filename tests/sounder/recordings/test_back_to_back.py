@@ -4,17 +4,17 @@ import h5py
 import numpy as np
 import pytest
 
-from erm.errors import DataError
-from sounder import twin
-from sounder.readers import native
-from sounder.writer import write_back_to_back
+from erm.common.errors import DataError
+from sounder.recordings import native
+from sounder.recordings.writer import write_back_to_back
+from sounder.twin import receiver
 
 from .files import IQ, edit
 
 
 @pytest.mark.parametrize("attenuator", [60.0, (np.linspace(131e9, 133e9, 5), np.linspace(1, 2, 5) * 1e-3j)])
 def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
-    made = twin.back_to_back(sounder, attenuator, snapshots=2)
+    made = receiver.back_to_back(sounder, attenuator, snapshots=2)
     write_back_to_back(made, tmp_path / "b2b.h5", history="test")
     back = native.back_to_back(tmp_path / "b2b.h5")
     assert np.array_equal(back.captures, made.captures)
@@ -39,7 +39,7 @@ def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
 def test_a_back_to_back_that_does_not_fit_is_told(tmp_path, sounder, datasets, told):
     path = tmp_path / "b2b.h5"
     measured = np.linspace(131e9, 133e9, 5), np.ones(5) * 1e-3j
-    write_back_to_back(twin.back_to_back(sounder, measured, snapshots=2), path, history="test")
+    write_back_to_back(receiver.back_to_back(sounder, measured, snapshots=2), path, history="test")
     edit(path, **datasets)
     with pytest.raises(DataError) as error:
         native.back_to_back(path)
@@ -48,7 +48,7 @@ def test_a_back_to_back_that_does_not_fit_is_told(tmp_path, sounder, datasets, t
 
 def test_a_back_to_back_without_its_loss_is_refused(tmp_path, sounder):
     path = tmp_path / "b2b.h5"
-    write_back_to_back(twin.back_to_back(sounder, 60.0, snapshots=2), path, history="test")
+    write_back_to_back(receiver.back_to_back(sounder, 60.0, snapshots=2), path, history="test")
     with h5py.File(path, "r+") as file:
         del file.attrs["attenuation"]
     with pytest.raises(DataError, match="expected the loss of the attenuator in dB"):

@@ -7,8 +7,8 @@ import h5py
 import numpy as np
 import pytest
 
-from sounder.readers import open_recordings
-from sounder.writer import write_recording
+from sounder.recordings.open import open_recordings
+from sounder.recordings.writer import write_recording
 
 from .files import WAVEFORM
 

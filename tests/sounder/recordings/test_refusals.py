@@ -4,8 +4,9 @@ import h5py
 import numpy as np
 import pytest
 
-from erm.errors import DataError
-from sounder.readers import native, open_recordings
+from erm.common.errors import DataError
+from sounder.recordings import native
+from sounder.recordings.open import open_recordings
 
 from .files import IQ, edit
 

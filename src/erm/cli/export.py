@@ -1,0 +1,64 @@
+"""The command ``erm export``: any map to any format, and to its place on earth."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from erm.common.console import counted
+from erm.common.errors import DataError, OptionError
+from erm.common.outputs import spare_inputs
+from erm.maps.formats import FREQUENCY, HEIGHT, MARGIN
+
+
+def export(
+    environment: Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(help="Map (.h5, .geojson, .gpkg, .csv) or drawing (.dxf, .ply, .obj, .xml).", show_default=False),
+    ],
+    origin: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="Latitude and longitude of the local origin, WGS 84 [degree].", show_default=False),
+    ] = None,
+    origin_height: Annotated[float, typer.Option(help="Its height above the ellipsoid [m].")] = 0.0,
+    heading: Annotated[
+        float, typer.Option(help="Bearing of the local north, clockwise from true north [degree].")
+    ] = 0.0,
+    height: Annotated[
+        float, typer.Option(min=0.0, help="Drawings: walls without end are cut so high above the ground [m].")
+    ] = HEIGHT,
+    margin: Annotated[
+        float, typer.Option(min=0.0, help="Drawings: reach of ground and ceiling beyond the walls [m].")
+    ] = MARGIN,
+    frequency: Annotated[
+        float,
+        typer.Option(min=1e6, max=1e13, help=".xml: where materials unknown to the ray tracer are evaluated [Hz]."),
+    ] = FREQUENCY,
+) -> None:
+    """Write a map in another format, or give it its place on earth.
+
+    GeoJSON of a map with an origin is in WGS 84. The origin is kept by all formats of maps. The .xml is a
+    scene for Sionna RT (Mitsuba 3).
+    """
+    from dataclasses import replace
+
+    from erm.maps.environment import Environment
+    from erm.maps.formats import require_format
+    from erm.maps.georeference import Georeference
+
+    if origin is None and (origin_height or heading):
+        raise typer.BadParameter("--origin-height and --heading need --origin LATITUDE LONGITUDE")
+    spare_inputs((out,), (environment,))
+    require_format(out)
+    try:
+        georeference = None if origin is None else Georeference(*origin, origin_height, heading)
+    except DataError as error:
+        raise OptionError(error) from None
+    place = Environment.read(environment)
+    if georeference is not None:
+        place = replace(place, georeference=georeference)
+    place.write(out, height=height, margin=margin, frequency=frequency)
+    kinds = place.reflectors["kind"].values.tolist()
+    meshes = f"; its meshes are {out.stem}-*.ply beside it" if out.suffix.lower() == ".xml" else ""
+    print(f"{out}: {counted(kinds.count('wall'), 'wall')} and {counted(kinds.count('pole'), 'pole')}{meshes}")

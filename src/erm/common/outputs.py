@@ -1,0 +1,61 @@
+"""Where a command may write, told before it computes anything."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from erm.common.errors import OptionError
+
+FILES = (".h5", ".hdf5", ".nc", ".csv", ".json", ".geojson", ".gpkg", ".toml", ".md", ".png", ".pdf", ".svg")
+"""Suffixes that no folder for outputs has."""
+
+
+def require_suffix(path: Path | None, *known: str) -> None:
+    """Refuse a file whose suffix names no format; None is no file.
+
+    Raises
+    ------
+    OptionError
+        The suffix is none of ``known``.
+    """
+    if path is not None and path.suffix.lower() not in known:
+        *others, last = known
+        choice = f"{', '.join(others)} or {last}" if others else last
+        raise OptionError(f"{path}: unknown format {path.suffix!r}; choose {choice}")
+
+
+def require_folder(path: Path) -> None:
+    """Refuse what can be no folder to write into.
+
+    Raises
+    ------
+    OptionError
+        It is a file, named like one, or not writable.
+    """
+    if path.is_file():
+        raise OptionError(f"{path}: is a file; choose a folder to write into")
+    if path.suffix.lower() in FILES:
+        raise OptionError(f"{path}: looks like a file; choose a folder to write into")
+    there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise OptionError(f"{path}: cannot be written; choose a writable folder")
+
+
+def spare_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
+    """Refuse to write where something is read, or two things to one place.
+
+    Raises
+    ------
+    OptionError
+        An output is an input, or another output; None is no output.
+    """
+    read = {path.resolve() for path in inputs}
+    written: set[Path] = set()
+    for output in outputs:
+        if output is None:
+            continue
+        if output.resolve() in read:
+            raise OptionError(f"{output}: is an input, which would be replaced; choose another output")
+        if output.resolve() in written:
+            raise OptionError(f"{output}: is asked for twice; choose a file for each output")
+        written.add(output.resolve())

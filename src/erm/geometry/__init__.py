@@ -1,0 +1,1 @@
+"""Closed forms of single bounces on vertical and on sloped faces."""

@@ -1,0 +1,6 @@
+"""Figures that only the studies of the letter draw."""
+
+from erm.letter.figures.curves import plot_predictions, plot_sweeps
+from erm.letter.figures.errors import plot_face_errors, plot_ordinates
+
+__all__ = ["plot_face_errors", "plot_ordinates", "plot_predictions", "plot_sweeps"]

@@ -1,0 +1,1 @@
+"""Maps: environments, materials, outlines and georeferences."""

@@ -1,0 +1,107 @@
+"""An environment as flat columns and a few scene-wide facts: what every format stores."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from erm.common.errors import DataError
+from erm.common.storage import provenance
+from erm.maps.environment import DEFAULT_MATERIAL, Environment, Slab, make_reflectors
+from erm.maps.georeference import Georeference
+from erm.maps.materials import Material
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Columns = dict[str, np.ndarray]
+
+ENDS = ("first_east", "first_north", "second_east", "second_north")
+# where each stands: variable, row and column
+COVARIANCES = {
+    "normal_variance": ("covariance", 0, 0),
+    "normal_offset_covariance": ("covariance", 0, 1),
+    "offset_variance": ("covariance", 1, 1),
+    "east_variance": ("centre_covariance", 0, 0),
+    "east_north_covariance": ("centre_covariance", 0, 1),
+    "north_variance": ("centre_covariance", 1, 1),
+}
+NUMBERS = ("radius", "base", "top", "normal", "offset", "residual")
+# what stands in a column that a hand-made file leaves out
+DEFAULTS: Mapping[str, object] = {
+    "kind": "wall", "radius": 0.0, "base": 0.0, "top": np.inf, "normal": np.nan, "offset": np.nan,
+    **dict.fromkeys(COVARIANCES, np.nan), "support": 0, "residual": np.nan, "material": DEFAULT_MATERIAL,
+}  # fmt: skip
+# what a missing number (JSON null, empty cell) in a column that is there means
+MISSING: Mapping[str, float] = {"radius": 0.0, "base": -np.inf, "top": np.inf, "support": 0.0}
+
+
+def to_columns(reflectors: "xr.Dataset") -> Columns:
+    """Flatten the reflector table; every column has the length of the table."""
+    ends = reflectors.end_points.values.reshape(-1, 4)
+    columns: Columns = {"kind": reflectors.kind.values.astype(str)}
+    columns |= {name: ends[:, i] for i, name in enumerate(ENDS)}
+    for name in DEFAULTS:
+        if name in COVARIANCES:
+            variable, row, column = COVARIANCES[name]
+            columns[name] = reflectors[variable].values[:, row, column]
+        else:
+            columns[name] = reflectors[name].values
+    return columns
+
+
+def to_scene(environment: Environment) -> dict[str, Any]:
+    """Ground, ceiling, materials and provenance, ready for JSON."""
+    return {
+        "attributes": provenance("Environment", "Environment.write") | dict(environment.reflectors.attrs),
+        "ground": environment.ground and asdict(environment.ground),
+        "ceiling": environment.ceiling and asdict(environment.ceiling),
+        "materials": [material.to_dict() for material in environment.materials.values()],
+        "georeference": environment.georeference and asdict(environment.georeference),
+    }
+
+
+def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
+    """Undo `to_columns` and `to_scene`; columns that are absent get their defaults."""
+    if absent := [name for name in ENDS if name not in columns]:
+        raise DataError(f"no column {absent[0]}; expected {', '.join(ENDS)}")
+    count = len(columns[ENDS[0]])
+    ends = np.stack([number(columns, name, count) for name in ENDS], axis=-1).reshape(-1, 2, 2)
+    matrices = {variable: np.empty((count, 2, 2)) for variable, _, _ in COVARIANCES.values()}
+    for name, (variable, row, column) in COVARIANCES.items():
+        matrices[variable][:, row, column] = matrices[variable][:, column, row] = number(columns, name, count)
+    numbers = {name: number(columns, name, count) for name in NUMBERS}
+    words = {name: np.asarray(columns.get(name, [DEFAULTS[name]] * count), dtype=str) for name in ("kind", "material")}
+    table = make_reflectors(
+        ends,
+        **matrices,
+        support=number(columns, "support", count).astype(np.int64),
+        **numbers,
+        **words,
+    )
+    try:
+        table.attrs = dict(scene.get("attributes") or {})
+        materials = [Material.from_dict(values) for values in scene.get("materials") or ()]
+        ground, ceiling = (
+            Slab(float(values["height"]), str(values.get("material", DEFAULT_MATERIAL))) if values else None
+            for values in (scene.get("ground"), scene.get("ceiling"))
+        )
+    except (TypeError, ValueError, KeyError, AttributeError) as error:
+        raise DataError(f"ground, ceiling or materials are malformed ({error})") from error
+    place = scene.get("georeference")
+    frame = Georeference.from_dict(place) if place is not None else None
+    return Environment(table, ground, ceiling, {material.name: material for material in materials}, frame)
+
+
+def number(columns: Columns, name: str, count: int) -> np.ndarray:
+    """Column of numbers; absent columns and missing cells get what they stand for."""
+    if name not in columns:
+        return np.full(count, DEFAULTS[name], dtype=float)
+    try:
+        values = np.array([np.nan if cell in (None, "") else cell for cell in columns[name]], dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"column {name}: {error}; expected numbers") from error
+    if name not in ("base", "top") and np.isinf(values).any():
+        raise DataError(f"column {name} is infinite in row {int(np.argmax(np.isinf(values))) + 1}; expected numbers")
+    return np.where(np.isnan(values), MISSING.get(name, np.nan), values)

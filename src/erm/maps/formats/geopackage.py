@@ -1,0 +1,72 @@
+"""Environment as GeoPackage for GIS programs, in local metres; needs the extra ``gis``."""
+
+import json
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from erm.common.errors import DataError
+from erm.common.optional import require
+from erm.common.storage import atomic_path
+from erm.maps.formats.columns import DEFAULTS, ENDS, Columns
+from erm.maps.formats.geojson import rows_of_shape, table_of_rows
+
+LAYER = "reflectors"
+# a plane without a place on earth, so that GIS programs do not guess one
+LOCAL_METRES = 'LOCAL_CS["local metres",UNIT["metre",1],AXIS["east",EAST],AXIS["north",NORTH]]'
+
+
+def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
+    """Write one layer of lines and points; ground, ceiling and materials as its metadata."""
+    pyogrio = library(path)
+    import shapely
+
+    ends = np.stack([columns[name] for name in ENDS], axis=-1).reshape(-1, 2, 2)
+    shapes = [
+        shapely.Point(end[0]) if kind == "pole" else shapely.LineString(end)
+        for kind, end in zip(columns["kind"], ends, strict=True)
+    ]
+    fields = [columns[name].astype(object) if columns[name].dtype.kind == "U" else columns[name] for name in DEFAULTS]
+    with atomic_path(path) as temporary:
+        pyogrio.raw.write(
+            temporary,
+            geometry=np.array([shape.wkb for shape in shapes], dtype=object),
+            field_data=fields,
+            fields=np.array(list(DEFAULTS)),
+            layer=LAYER,
+            driver="GPKG",
+            geometry_type="Unknown",
+            crs=LOCAL_METRES,
+            layer_metadata={"environment": json.dumps(scene, allow_nan=False)},
+        )
+
+
+def read(path: Path) -> tuple[Columns, dict[str, Any]]:
+    """Undo `write`; of a file drawn elsewhere, the first layer."""
+    pyogrio = library(path)
+    import shapely
+
+    try:
+        layers = [str(name) for name, _ in pyogrio.list_layers(path)]
+        layer = LAYER if LAYER in layers else layers[0]
+        facts = pyogrio.read_info(path, layer=layer)
+        meta, _, shapes, fields = pyogrio.raw.read(path, layer=layer)
+        scene = json.loads((facts.get("layer_metadata") or {}).get("environment", "{}"))
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, IndexError, ValueError) as error:
+        raise DataError(f"{path}: not a GeoPackage of reflectors ({error})") from error
+    rows: list[dict[str, Any]] = []
+    for index, shape in enumerate(shapely.from_wkb(shapes)):
+        properties = {name: column[index] for name, column in zip(meta["fields"], fields, strict=True)}
+        try:
+            rows += rows_of_shape(shape.geom_type, shapely.get_coordinates(shape).tolist(), properties)
+        except (TypeError, ValueError, AttributeError) as error:
+            raise DataError(f"{path}: feature {index} is neither a LineString nor a Point ({error!r})") from error
+    return table_of_rows(rows), scene
+
+
+def library(path: Path) -> ModuleType:
+    """Return pyogrio, or raise a DataError that says what brings it."""
+    require("pyogrio.raw", "gis", f"{path}: GeoPackage", "choose .geojson")
+    return require("pyogrio", "gis", f"{path}: GeoPackage", "choose .geojson")

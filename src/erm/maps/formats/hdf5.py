@@ -1,0 +1,57 @@
+"""Environment as netCDF4-compatible HDF5: the reflector table with its units, scene facts as attributes."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from erm.common.errors import DataError
+from erm.common.storage import open_group, write_product
+from erm.maps.formats.columns import COVARIANCES, DEFAULTS, ENDS, Columns
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+UNITS = (
+    dict.fromkeys((*ENDS, "radius", "base", "top", "offset"), "m")
+    | dict.fromkeys(("normal",), "degree")
+    | dict(zip(COVARIANCES, ("degree2", "degree m", "m2", "m2", "m2", "m2"), strict=True))
+)
+SCENE = ("ground", "ceiling", "materials", "georeference")
+
+
+def write(columns: Columns, scene: dict[str, Any], path: Path, mpcs: "xr.Dataset | None" = None) -> None:
+    """Write columns as variables over ``reflector``; ground, ceiling and materials as JSON attributes.
+
+    Components that the map was made from, if given, become the group ``/mpc``.
+    """
+    import xarray as xr
+
+    table = xr.Dataset(
+        {
+            name: ("reflector", values.astype(object) if values.dtype.kind == "U" else values)
+            for name, values in columns.items()
+        },
+        attrs=scene["attributes"] | {name: json.dumps(scene[name]) for name in SCENE},
+    )
+    for name in columns:
+        if name in UNITS:
+            table[name].attrs["units"] = UNITS[name]
+        elif name in ("kind", "material"):
+            table[name].encoding["dtype"] = str  # an empty table of objects would not say it holds words
+    write_product({"/": table} if mpcs is None else {"/": table, "/mpc": mpcs}, path)
+
+
+def read(path: Path) -> tuple[Columns, dict[str, Any]]:
+    """Undo `write`."""
+    table = open_group(path)
+    if "reflector" not in table.dims:
+        raise DataError(f"{path}: holds no reflectors; expected an environment")
+    attributes = dict(table.attrs)
+    try:
+        scene = {name: json.loads(attributes.pop(name, "null")) for name in SCENE}
+    except (TypeError, json.JSONDecodeError) as error:
+        raise DataError(f"{path}: attributes of the scene are not JSON ({error}); write it anew") from error
+    columns = {name: np.asarray(table[name].values) for name in (*ENDS, *DEFAULTS) if name in table}
+    return columns, scene | {"attributes": attributes}

@@ -1,0 +1,120 @@
+"""Reflectors as surfaces in space: walls as rectangles, poles as prisms, ground and ceiling as plates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from erm.geometry.vertical import FloatArray, unit
+from erm.maps.environment import CEILING, GROUND, Environment, Slab
+
+POLE_SIDES = 16
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles of one reflector.
+
+    Parameters
+    ----------
+    index : int
+        Row of the reflector; -1 for the ground, -2 for the ceiling.
+    kind : str
+        ``wall``, ``pole``, ``ground`` or ``ceiling``.
+    material : str
+        Name of its material.
+    vertices : array (vertex, 3)
+        East, north, up [m].
+    faces : array (face, 3) of int
+        Vertices of each triangle, counter-clockwise seen from outside.
+    """
+
+    index: int
+    kind: str
+    material: str
+    vertices: FloatArray
+    faces: np.ndarray
+
+
+def extrude(environment: Environment, *, height: float, margin: float) -> list[Surface]:
+    """Surfaces of all reflectors, then of ground and ceiling, each with vertices of its own.
+
+    A wall is a plane without thickness, meant to be seen from both sides: two triangles that face the way of
+    its ``normal``. A pole is a closed prism of 16 sides around its axis, corners on its radius, facing outward;
+    its volume is ``8 sin(pi/8) / pi`` = 97.4 % of the cylinder's. The ground faces up, the ceiling down. Both are
+    rectangles along the axes that reach ``margin`` beyond the reflectors (beyond the origin, if there is none).
+
+    Parameters
+    ----------
+    environment : Environment
+    height : float
+        Height above the ground where a wall or pole without end is cut [m], unless there is a ceiling to cut it;
+        one that begins above the cut is this high.
+    margin : float
+        Reach of ground and ceiling beyond the reflectors [m].
+    """
+    table = environment.reflectors
+    base, top = spans(environment, height)
+    ends, radius, normal = table.end_points.values, table.radius.values, table.normal.values
+    surfaces = []
+    for index, (kind, material) in enumerate(zip(table.kind.values, table.material.values, strict=True)):
+        if kind == "pole":
+            vertices, faces = _prism(ends[index, 0], radius[index], base[index], top[index])
+        else:
+            vertices, faces = _rectangle(ends[index], normal[index], base[index], top[index])
+        surfaces.append(Surface(index, str(kind), str(material), vertices, faces))
+    for index, kind, slab in ((GROUND, "ground", environment.ground), (CEILING, "ceiling", environment.ceiling)):
+        if slab:
+            vertices = _plate(environment, slab, margin)
+            faces = _fan(4) if kind == "ground" else _fan(4)[:, ::-1]
+            surfaces.append(Surface(index, kind, slab.material, vertices, faces))
+    return surfaces
+
+
+def spans(environment: Environment, height: float) -> tuple[FloatArray, FloatArray]:
+    """Finite heights of the lower and the upper edges (reflector,) [m], see `extrude`."""
+    table = environment.reflectors
+    base, top = table.base.values, table.top.values
+    floor = environment.ground.height if environment.ground else 0.0
+    cut = environment.ceiling.height if environment.ceiling else floor + height
+    low = np.where(np.isfinite(base), base, np.where(floor < top, floor, top - height))
+    high = np.where(np.isfinite(top), top, np.where(cut > low, cut, low + height))
+    return low, high
+
+
+def _fan(corners: int) -> np.ndarray:
+    """Triangles (corners - 2, 3) of a convex polygon."""
+    later = np.arange(1, corners - 1)
+    return np.stack([np.zeros_like(later), later, later + 1], axis=-1)
+
+
+def _rectangle(ends: FloatArray, normal: float, base: float, top: float) -> tuple[FloatArray, np.ndarray]:
+    """Two triangles that face the way of the normal."""
+    along = ends[1] - ends[0]
+    # Corners in this order turn about the right of first -> second end.
+    right = np.array([along[1], -along[0]])
+    if unit(normal) @ right < 0:
+        ends = ends[::-1]
+    heights = np.array([base, base, top, top])
+    return np.column_stack([ends[[0, 1, 1, 0]], heights]), _fan(4)
+
+
+def _prism(centre: FloatArray, radius: float, base: float, top: float) -> tuple[FloatArray, np.ndarray]:
+    """Closed prism: its lower ring of corners, then its upper."""
+    ring = centre + radius * unit(np.arange(POLE_SIDES) * 360 / POLE_SIDES)
+    low = np.arange(POLE_SIDES)
+    after = (low + 1) % POLE_SIDES
+    high = low + POLE_SIDES
+    sides = [np.stack([low, after, after + POLE_SIDES], -1), np.stack([low, after + POLE_SIDES, high], -1)]
+    caps = _fan(POLE_SIDES)
+    vertices = np.concatenate([np.column_stack([ring, np.full(POLE_SIDES, z)]) for z in (base, top)])
+    return vertices, np.concatenate([*sides, caps[:, ::-1], caps + POLE_SIDES])
+
+
+def _plate(environment: Environment, slab: Slab, margin: float) -> FloatArray:
+    """Corners of a level rectangle under or over everything, counter-clockwise from above."""
+    table = environment.reflectors
+    points, reach = table.end_points.values, table.radius.values[:, None, None]
+    extremes = np.concatenate([points - reach, points + reach]).reshape(-1, 2) if len(points) else np.zeros((1, 2))
+    (west, south), (east, north) = extremes.min(axis=0) - margin, extremes.max(axis=0) + margin
+    level = slab.height
+    return np.array([[west, south, level], [east, south, level], [east, north, level], [west, north, level]])

@@ -1,0 +1,1 @@
+"""Tables of multipath components: reading, selection, clusters and standard errors."""

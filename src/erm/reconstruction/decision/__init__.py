@@ -1,0 +1,1 @@
+"""Which images are walls: conflicts, corners, chains of bounces, joint adjustment."""

@@ -1,0 +1,1 @@
+"""What walls and their paths are: lines, extents, fits, losses."""

@@ -1,0 +1,106 @@
+"""Measured paths as plain arrays."""
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.geometry.vertical import FloatArray, virtual_anchor
+
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class Rays(NamedTuple):
+    """What of measured paths a wall predicts, in columns (path,): these are gathered by the million."""
+
+    tx_east: FloatArray  # m
+    tx_north: FloatArray  # m
+    rx_east: FloatArray  # m
+    rx_north: FloatArray  # m
+    climb: FloatArray  # m; of the transmitter above the receiver
+    length: FloatArray  # m, slant
+    azimuth: FloatArray  # degree, of arrival
+    length_std: FloatArray  # m
+    azimuth_std: FloatArray  # degree
+
+    def take(self, rows: IntArray | BoolArray) -> "Rays":
+        """Return those of an index or mask."""
+        return Rays(*(column[rows] for column in self))
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Measured paths that may be single bounces, as plain arrays along ``path``.
+
+    Parameters
+    ----------
+    tx, rx : array (path, 3)
+        Antenna positions [m].
+    length, azimuth : array (path,)
+        Slant length [m] and azimuth of arrival [degree].
+    length_std, azimuth_std : array (path,)
+        Their standard errors.
+    link : array (path,) of int
+        Pair of antennas; a wall makes one path a link.
+    transmitter : array (path,) of int
+        Number of the place where the transmitter stood.
+    loss, loss_std : array (path,)
+        Reflection loss and its standard error [dB].
+    wavelength : array (path,)
+        [m].
+    rise, rise_std : array (path,)
+        Elevation less that of a path off vertical faces, and its standard error [degree]; NaN if not known.
+    row : array (path,) of int
+        Row of the table; hypotheses on one component share it.
+    """
+
+    tx: FloatArray
+    rx: FloatArray
+    length: FloatArray
+    azimuth: FloatArray
+    length_std: FloatArray
+    azimuth_std: FloatArray
+    link: IntArray
+    transmitter: IntArray
+    loss: FloatArray
+    loss_std: FloatArray
+    wavelength: FloatArray
+    rise: FloatArray
+    rise_std: FloatArray
+    row: IntArray
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+    @cached_property
+    def rays(self) -> Rays:
+        """What of them a wall predicts."""
+        (tx_east, tx_north, tx_up), (rx_east, rx_north, rx_up) = (
+            np.ascontiguousarray(end.T) for end in (self.tx, self.rx)
+        )
+        return Rays(
+            tx_east,
+            tx_north,
+            rx_east,
+            rx_north,
+            tx_up - rx_up,
+            self.length,
+            self.azimuth,
+            self.length_std,
+            self.azimuth_std,
+        )
+
+    def take(self, rows: IntArray | BoolArray) -> "Paths":
+        """Return the paths of an index or mask."""
+        return Paths(*(getattr(self, one.name)[rows] for one in fields(self)))
+
+    def with_errors(self, length_std: FloatArray, azimuth_std: FloatArray) -> "Paths":
+        """Return the same paths with other standard errors."""
+        return replace(self, length_std=length_std, azimuth_std=azimuth_std)
+
+    def anchors(self) -> FloatArray:
+        """Mirror image (path, 2) of the transmitter that each path points to [m]."""
+        return virtual_anchor(self.tx, self.rx, self.length, self.azimuth)

@@ -1,0 +1,1 @@
+"""Point scatterers and cylinders."""

@@ -1,0 +1,1 @@
+"""The search for mirror images that many paths share."""

@@ -1,0 +1,1 @@
+"""From a map to paths: the image method, Fresnel reflection, cylinders."""

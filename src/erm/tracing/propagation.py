@@ -1,0 +1,83 @@
+"""Field carried along a known polyline: spreading, Fresnel, roughness, polarisation, phase."""
+
+import numpy as np
+
+from erm.common.constants import c
+from erm.tracing.fresnel import fresnel, reflect_field, roughness_factor
+
+POLARIZATIONS = ("vertical", "horizontal")
+
+
+def path_coefficients(
+    route: np.ndarray,
+    normal: np.ndarray,
+    permittivity: np.ndarray,
+    height_deviation: np.ndarray,
+    frequency: float,
+    *,
+    polarization: str = "vertical",
+    spreading: np.ndarray | None = None,
+) -> np.ndarray:
+    """Baseband amplitudes of paths between isotropic antennas, for the time convention ``exp(+j 2 pi f t)``.
+
+    With path length ``L`` and ``p`` the polarisation of either antenna::
+
+        h = lambda / (4 pi L) * (p_rx . E) * exp(-j 2 pi f L / c)
+
+    ``E`` starts as ``p_tx``; each bounce turns it (`reflect_field`) with the Fresnel coefficients of the face
+    times its roughness factor.
+
+    Parameters
+    ----------
+    route : array (path, bounce + 2, 3)
+        Corners from transmitter to receiver, both included [m].
+    normal : array (path, bounce, 3)
+        Unit normals of the faces; either sign.
+    permittivity : array (path, bounce) of complex
+        Relative, ``eps' - j eps''``.
+    height_deviation : array (path, bounce)
+        [m].
+    frequency : float
+        [Hz].
+    polarization : {"vertical", "horizontal"}
+        Of both antennas.
+    spreading : array (path,), optional
+        Takes the place of ``L`` in the first factor [m], where a curved face spreads the wave.
+
+    Returns
+    -------
+    array (path,) of complex
+    """
+    legs = np.diff(route, axis=1)
+    leg = np.linalg.norm(legs, axis=-1)
+    ray = legs / leg[..., None]
+    length = leg.sum(-1)
+    field = antenna_vector(ray[:, 0], polarization).astype(complex)
+    for bounce in range(normal.shape[1]):
+        incident, n = ray[:, bounce], normal[:, bounce]
+        cosine = np.abs((incident * n).sum(-1))
+        te, tm = fresnel(cosine, permittivity[:, bounce])
+        kept = roughness_factor(cosine, height_deviation[:, bounce], frequency)
+        field = reflect_field(field, incident, n, kept * te, kept * tm)
+    received = (field * antenna_vector(ray[:, -1], polarization)).sum(-1)
+    amplitude = c / frequency / (4 * np.pi * (length if spreading is None else spreading))
+    return amplitude * received * np.exp(-2j * np.pi * frequency * (length / c))
+
+
+def free_space_gain(length: np.ndarray, frequency: np.ndarray) -> np.ndarray:
+    """Path gain (...) over a length (...) [m] at a frequency (...) [Hz]: ``20 lg(c / (4 pi f L))`` [dB]."""
+    return np.asarray(20 * np.log10(c / frequency / (4 * np.pi * length)))
+
+
+def antenna_vector(ray: np.ndarray, polarization: str) -> np.ndarray:
+    """Polarisation (path, 3) of an antenna for rays of propagation (path, 3).
+
+    Vertical is the unit vector of growing zenith angle, which is the same for a direction and its opposite,
+    so one formula serves departure and arrival. Horizontal is the unit vector of growing azimuth of the
+    direction of propagation. A direct path thus has a positive factor.
+    """
+    azimuth = np.arctan2(ray[:, 1], ray[:, 0])
+    if polarization == "horizontal":
+        return np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(len(ray))], axis=-1)
+    level = np.hypot(ray[:, 0], ray[:, 1])
+    return np.stack([ray[:, 2] * np.cos(azimuth), ray[:, 2] * np.sin(azimuth), -level], axis=-1)

@@ -1,0 +1,213 @@
+"""Forward model: every specular path of an environment, to a given number of bounces."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from erm.common.constants import c
+from erm.common.errors import DataError
+from erm.maps.environment import CEILING, GROUND, NO_BOUNCE, Environment
+from erm.tracing.cylinders import pole_bounces, pole_spreading
+from erm.tracing.faces import Faces, clear, faces_of
+from erm.tracing.image_method import bounces, polyline, sequences
+from erm.tracing.propagation import POLARIZATIONS, path_coefficients
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def trace(
+    environment: Environment,
+    tx: ArrayLike,
+    rx: ArrayLike,
+    frequency: float,
+    *,
+    max_order: int = 3,
+    polarization: str = "vertical",
+    obstacles: Environment | None = None,
+) -> "xr.Dataset":
+    """Find the direct path and all specular paths between two isotropic antennas.
+
+    Image method over the walls (both sides reflect, nothing passes through), the ground and the ceiling.
+    Poles add one single-bounce path each where they are seen, and hide nothing. Amplitudes are those of
+    `path_coefficients`; behind a pole the wave spreads as `pole_spreading` says.
+
+    Parameters
+    ----------
+    environment : Environment
+    tx, rx : array (3,)
+        Positions, east/north/up [m].
+    frequency : float
+        [Hz].
+    max_order : int
+        Largest number of bounces.
+    polarization : {"vertical", "horizontal"}
+        Of both antennas.
+    obstacles : Environment, optional
+        What stands in the way of paths; by default the environment. Where walls may reach further than they are known
+        to, paths off all that may be there and past all that is known to be are found by giving both.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimension ``path`` (possibly of length 0), sorted by delay: ``delay`` [s]; ``azimuth``,
+        ``elevation``, ``departure_azimuth``, ``departure_elevation`` [degree]; ``coefficient``;
+        ``path_gain`` [dB]; ``order``; ``los``; ``vertices`` (path, bounce, xyz) [m] from transmitter to
+        receiver, padded with NaN; ``reflector`` (path, bounce), index of the environment's reflector, -1
+        ground, -2 ceiling, -3 padding.
+
+    Raises
+    ------
+    DataError
+        The antennas are at one place, or an argument is not what it must be.
+    """
+    here, there = _position("tx", tx), _position("rx", rx)
+    if np.array_equal(here, there):
+        raise DataError(f"tx and rx are both at {here.tolist()} m; a path needs two places")
+    if not (np.isfinite(frequency) and frequency > 0):
+        raise DataError(f"frequency {frequency} Hz; expected a positive number")
+    if polarization not in POLARIZATIONS:
+        raise DataError(f"polarization {polarization!r}; expected one of {', '.join(POLARIZATIONS)}")
+    if max_order < 0:
+        raise DataError(f"max_order {max_order}; expected 0 or more")
+
+    faces = faces_of(environment)
+    hiding = faces if obstacles is None else faces_of(obstacles)
+    found = [_direct(hiding, here, there)]
+    if max_order:
+        found.append(_poles(environment, hiding, here, there))
+    for candidates in sequences(faces, here, max_order):
+        vertices, face = bounces(faces, here, there, candidates, hiding)
+        found.append((vertices, faces.label[face], faces.normal[face], None))
+    parts = [_paths(environment, here, there, frequency, polarization, *group) for group in found if len(group[0])]
+    return _table(parts, max_order, frequency)
+
+
+Group = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]  # vertices, reflector, normal, spreading
+
+
+def _direct(hiding: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
+    seen = int(clear(hiding, tx[None], rx[None])[0])
+    return np.empty((seen, 0, 3)), np.empty((seen, 0), dtype=int), np.empty((seen, 0, 3)), None
+
+
+def _poles(environment: Environment, hiding: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
+    table = environment.reflectors
+    label = np.flatnonzero(table.kind.values == "pole")
+    centre, radius = table.end_points.values[label, 0], table.radius.values[label]
+    base, top = table.base.values[label], table.top.values[label]
+    point, normal = pole_bounces(tx, rx, centre, radius)
+    hit = np.flatnonzero((point[:, 2] >= base) & (point[:, 2] <= top))  # NaN, no bounce, is neither
+    route = polyline(tx, point[hit, None], rx)
+    hit = hit[clear(hiding, route[:, :-1], route[:, 1:]).all(axis=-1)]
+    spreading = pole_spreading(tx, rx, point[hit], normal[hit], radius[hit])
+    return point[hit, None], label[hit, None], normal[hit, None], spreading
+
+
+def _paths(
+    environment: Environment,
+    tx: np.ndarray,
+    rx: np.ndarray,
+    frequency: float,
+    polarization: str,
+    vertices: np.ndarray,
+    reflector: np.ndarray,
+    normal: np.ndarray,
+    spreading: np.ndarray | None,
+) -> dict[str, np.ndarray]:
+    """Columns of paths of one order."""
+    permittivity, height_deviation = _surfaces(environment, reflector, frequency)
+    route = polyline(tx, vertices, rx)
+    legs = np.diff(route, axis=1)
+    departure_azimuth, departure_elevation = _angles(legs[:, 0])
+    azimuth, elevation = _angles(-legs[:, -1])
+    return {
+        "delay": np.linalg.norm(legs, axis=-1).sum(-1) / c,
+        "azimuth": azimuth,
+        "elevation": elevation,
+        "departure_azimuth": departure_azimuth,
+        "departure_elevation": departure_elevation,
+        "coefficient": path_coefficients(
+            route,
+            normal,
+            permittivity,
+            height_deviation,
+            frequency,
+            polarization=polarization,
+            spreading=spreading,
+        ),
+        "vertices": vertices,
+        "reflector": reflector,
+    }
+
+
+def _surfaces(environment: Environment, reflector: np.ndarray, frequency: float) -> tuple[np.ndarray, np.ndarray]:
+    """Permittivity and height deviation of the reflectors (path, bounce) met."""
+    names = dict(enumerate(environment.reflectors.material.values.tolist()))
+    names |= {
+        tag: slab.material for tag, slab in ((GROUND, environment.ground), (CEILING, environment.ceiling)) if slab
+    }
+    distinct, place = np.unique(reflector, return_inverse=True)
+    used = [environment.materials[names[tag]] for tag in distinct.tolist()]
+    permittivity = np.array([material.relative_permittivity(frequency) for material in used], dtype=complex)
+    deviation = np.array([material.height_deviation for material in used])
+    shape = reflector.shape
+    return permittivity[place].reshape(shape), deviation[place].reshape(shape)
+
+
+def _angles(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Azimuth in [0, 360) and elevation [degree]."""
+    azimuth = np.degrees(np.arctan2(direction[:, 1], direction[:, 0])) % 360
+    return azimuth, np.degrees(np.arctan2(direction[:, 2], np.hypot(direction[:, 0], direction[:, 1])))
+
+
+def _position(name: str, value: ArrayLike) -> np.ndarray:
+    position = np.asarray(value, dtype=float)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise DataError(f"{name} is {np.asarray(value).tolist()}; expected three numbers, east, north, up [m]")
+    return position
+
+
+def _table(parts: list[dict[str, np.ndarray]], max_order: int, frequency: float) -> "xr.Dataset":
+    """One table of the paths of all orders, sorted by delay."""
+    import xarray as xr
+
+    def column(name: str, dtype: type = float) -> np.ndarray:
+        return np.concatenate([np.empty(0, dtype), *(part[name] for part in parts)])
+
+    def padded(name: str, fill: float, dtype: type, *tail: int) -> np.ndarray:
+        blocks: list[np.ndarray] = [np.full((0, max_order, *tail), fill, dtype=dtype)]
+        for part in parts:
+            block: np.ndarray = np.full((len(part["delay"]), max_order, *tail), fill, dtype=dtype)
+            block[:, : part[name].shape[1]] = part[name]
+            blocks.append(block)
+        return np.concatenate(blocks)
+
+    delay = column("delay")
+    rank = np.argsort(delay, kind="stable")
+    coefficient = column("coefficient", complex)
+    reflector = padded("reflector", NO_BOUNCE, np.int64)
+    order = (reflector != NO_BOUNCE).sum(axis=1)
+    with np.errstate(divide="ignore"):  # a path may be cross-polarised to nothing: -inf dB
+        gain = 20 * np.log10(np.abs(coefficient))
+    columns = {
+        "delay": (("path",), delay, "s", "propagation delay"),
+        "azimuth": (("path",), column("azimuth"), "degree", "azimuth of arrival"),
+        "elevation": (("path",), column("elevation"), "degree", "elevation of arrival"),
+        "departure_azimuth": (("path",), column("departure_azimuth"), "degree", "azimuth of departure"),
+        "departure_elevation": (("path",), column("departure_elevation"), "degree", "elevation of departure"),
+        "coefficient": (("path",), coefficient, "1", "baseband amplitude"),
+        "path_gain": (("path",), gain, "dB", "path gain"),
+        "order": (("path",), order, "1", "number of bounces"),
+        "los": (("path",), order == 0, "1", "direct path"),
+        "vertices": (("path", "bounce", "xyz"), padded("vertices", np.nan, float, 3), "m", "bounce points"),
+        "reflector": (("path", "bounce"), reflector, "1", "reflector of each bounce"),
+    }
+    return xr.Dataset(
+        {
+            name: (dims, values[rank], {"units": units, "long_name": text})
+            for name, (dims, values, units, text) in columns.items()
+        },
+        attrs={"frequency": float(frequency)},
+    )

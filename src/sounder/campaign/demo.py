@@ -1,0 +1,146 @@
+"""The whole chain on the letter's campaign: simulated captures, processed from the files alone, and scored."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from erm.common import console
+from erm.common.errors import DataError
+from erm.common.storage import provenance
+from erm.evaluation.outline import evaluate_walls, face_hits, on_walls, point_errors, summary
+from erm.figures import plot_error_cdf, plot_map
+from erm.geometry.vertical import reflection_point
+from erm.maps.environment import Environment
+from erm.maps.outline import outline_of
+from erm.mpcs.selection import select
+from erm.mpcs.table import path_length, read_mpcs
+from erm.reconstruction.reconstruct import reconstruct
+from sounder import shipped
+from sounder.figures.files import draw_overlay, draw_product
+from sounder.processing.jobs import gather
+from sounder.processing.pipeline import process
+from sounder.twin.scene import load_scene
+from sounder.twin.simulate import simulate_campaign
+
+OVERLAID = (("RX2_L", "RX9_L"), ("RX2_N", "RX3_N"))
+"""Pairs of positions whose DAPS the letter draws into one diagram."""
+HEIGHTS, PLANAR = "3-D, with heights", "planar, as printed"
+
+
+def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
+    """Simulate the campaign, process it, reconstruct the map and print the score.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for raw recordings, truth, products, map and figures.
+    scene : Path, optional
+        Another scene; default the letter's.
+
+    Returns
+    -------
+    dict
+        Score: ``walls``, ``false``, ``found``, ``missed`` (of the walls that at least three accepted MPCs hit),
+        ``rmse`` and ``planar_rmse`` of the RPs' perpendicular error [m].
+
+    Raises
+    ------
+    DataError
+        A position could not be processed, or the folder cannot be written to.
+    """
+    loaded = load_scene(scene or shipped.scene("uma.toml"))
+    with console.progress("simulating positions", len(loaded.receivers)) as advance:
+        recordings = simulate_campaign(loaded, out, progress=advance)
+    jobs, failures = gather(recordings, calibration=out / "back-to-back.h5")
+    with console.progress("processing positions", len(jobs)) as advance:
+        outcome = process(jobs, out / "products", progress=advance)
+    if failures or outcome.failures:
+        raise DataError("; ".join(failures + outcome.failures))
+    table, complaints = read_mpcs(outcome.products)
+    selected = select(table)
+    environment, merged = reconstruct(selected)
+    origin = provenance("Reconstructed environment", "sounder demo", inputs=outcome.products)
+    environment.reflectors.attrs.update(origin)
+    environment.write(out / "map.geojson")
+    truth = Environment.read(out / "truth" / "environment.geojson")
+    score = score_map(environment, selected, merged, truth)
+    with console.progress("drawing", len(OVERLAID) + 2) as advance:
+        _draw(environment, merged, truth, outcome.products, out / "figures", advance=advance)
+    _print(score, out, positions=len(recordings), mpcs=table.sizes["mpc"])
+    console.complain(complaints)
+    return score
+
+
+def score_map(
+    environment: Environment, selected: xr.Dataset, merged: xr.Dataset, truth: Environment
+) -> dict[str, float]:
+    """Score a map and its reflection points against the environment that made the recordings.
+
+    Which walls there are to find is told by the MPCs that were accepted before any were merged: those of which three
+    or more have their reflection point within half a metre of the wall.
+    """
+    outline = outline_of(truth)
+    accepted = on_walls(merged, environment)
+    single = selected["reflection_point"].values[selected["accepted"].values]
+    hits = face_hits(single, outline, tolerance=0.5)
+    walls = evaluate_walls(environment, outline, hits)
+    rmse = {kind: summary(errors)["rmse"] for kind, errors in _errors(accepted, outline).items()}
+    return {
+        **{name: walls[name] for name in ("walls", "false", "found", "missed")},
+        "accepted": accepted.sizes["mpc"],
+        "rmse": rmse[HEIGHTS],
+        "planar_rmse": rmse[PLANAR],
+    }
+
+
+def _errors(accepted: xr.Dataset, outline: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    """Perpendicular errors of the same MPCs' reflection points by both methods [m]."""
+    ends = accepted["tx_position"].values, accepted["rx_position"].values
+    planar, _ = reflection_point(*ends, path_length(accepted), accepted["azimuth"].values, planar=True)
+    return {
+        HEIGHTS: point_errors(accepted["reflection_point"].values, outline).perpendicular,
+        PLANAR: point_errors(planar, outline).perpendicular,
+    }
+
+
+def _draw(
+    environment: Environment,
+    merged: xr.Dataset,
+    truth: Environment,
+    products: list[Path],
+    out: Path,
+    *,
+    advance: Callable[[], None],
+) -> None:
+    """Draw map and error CDF, the letter's pairs of DAPS, and the figures of one position."""
+    outline = outline_of(truth)
+    console.save_figure(plot_map(environment, table=merged, outline=outline), out / "map.png")
+    accepted = on_walls(merged, environment)
+    console.save_figure(plot_error_cdf(_errors(accepted, outline)), out / "error_cdf.png")
+    advance()
+    made = {product.stem: product for product in products}
+    for first, second in OVERLAID:
+        if first in made and second in made:
+            draw_overlay(made[first], made[second], out)
+        advance()
+    draw_product(products[0], out)
+    advance()
+
+
+def _print(score: dict[str, float], out: Path, *, positions: int, mpcs: int) -> None:
+    wanted = score["found"] + score["missed"]
+    rows = [
+        ("positions", positions),
+        ("MPCs", mpcs),
+        ("accepted as single wall bounces", score["accepted"]),
+        ("walls in the map", score["walls"]),
+        ("false walls", score["false"]),
+        ("walls hit by three accepted MPCs, found", f"{score['found']} of {wanted}"),
+        ("RP perpendicular error, RMSE", f"{score['rmse']:.3f} m"),
+        ("the same MPCs by the letter's planar equations", f"{score['planar_rmse']:.3f} m"),
+    ]
+    console.show(["demo", "result"], rows)
+    print(f"map: {out / 'figures' / 'map.png'}")

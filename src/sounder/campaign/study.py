@@ -1,0 +1,143 @@
+"""The twin as a laboratory for studies: paths to captures to MPCs, in memory; see `erm.letter.captures`."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.projections.polar import PolarAxes
+from numpy.typing import ArrayLike
+
+from erm.letter.captures import AS_IT_IS, Campaign, Change, Link, Measured
+from erm.mpcs.table import columns_of, empty_table, make_table
+from erm.tracing.trace import trace
+from sounder import shipped
+from sounder.cir.impulse_response import calibrate
+from sounder.figures.products import daps_polar
+from sounder.instrument.description import Sounder, parse
+from sounder.instrument.waveform import PRIMITIVE
+from sounder.processing.position import Options, products_of
+from sounder.twin.receiver import record
+from sounder.twin.scene import Scene, load_scene
+from sounder.twin.simulate import calibration_of, environment_of
+
+ATTENUATION = 60.0
+"""Loss of the back-to-back's attenuator where the shipped one is not measured over the band [dB]."""
+
+
+def campaign(scene: str) -> Campaign:
+    """Campaign of a shipped scene, by its name without suffix."""
+    loaded = load_scene(shipped.scene(f"{scene}.toml"))
+    return Campaign(
+        name=loaded.name,
+        environment=environment_of(loaded),
+        links=tuple(Link(one.name, loaded.transmitters[one.tx], one.position) for one in loaded.receivers),
+        frequency=loaded.sounder.carrier.frequency,
+        max_order=loaded.max_order,
+        parameters=_parameters(loaded),
+        instrument=loaded,
+    )
+
+
+def measure(campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable[[], None] | None = None) -> Measured:
+    """Carry the paths of each link through the instrument and its processing.
+
+    Raises
+    ------
+    DataError
+        The change makes no instrument, or nothing of a position can be used.
+    """
+    scene = changed(campaign.instrument, change)
+    filter_, mpcs, daps, snr = None, [empty_table()], {}, [np.empty(0)]
+    b2b = calibration_of(scene)
+    for link in campaign.links:
+        paths = trace(campaign.environment, link.tx, link.rx, campaign.frequency, max_order=campaign.max_order)
+        recording = record(
+            paths,
+            scene.sounder,
+            name=link.name,
+            tx_position=link.tx,
+            rx_position=link.rx,
+            snapshots=scene.snapshots,
+            los=int(paths["los"].any()),
+            faults=scene.faults,
+            seed=scene.seed,
+        )
+        filter_ = filter_ or calibrate(b2b, recording)
+        groups, _ = products_of(recording, filter_, Options())
+        found = groups["/mpc"]
+        columns: dict[str, ArrayLike] = {**columns_of(found)}
+        where: dict[str, ArrayLike] = {"position": link.name, "los": recording.los, "frequency": campaign.frequency}
+        mpcs.append(make_table({**where, "tx_position": link.tx, "rx_position": link.rx, **columns}))
+        daps[link.name] = groups["/daps"]
+        floor = float(np.nanmedian(groups["/daps"]["noise_floor"].values))
+        snr.append(found["path_gain"].values + scene.sounder.rx_antenna.gain - floor)
+        if progress is not None:
+            progress()
+    return Measured(xr.concat(mpcs, dim="mpc"), np.concatenate(snr), daps)
+
+
+def draw_daps(products: Sequence[tuple[str, xr.Dataset]], axes: PolarAxes) -> PolarAxes:
+    """Draw the DAPS of one or two positions into one polar diagram."""
+    return daps_polar(products, axes)
+
+
+def changed(scene: Scene, change: Change) -> Scene:
+    """Scene with another instrument.
+
+    A sequence of order ``m`` at ``2**(m - 9)`` times the rate has nearly the same period, so that the longest
+    unambiguous path stays. A wider beam has its gain spread over more angles, ``-10 lg(beamwidth ratio)``.
+
+    Raises
+    ------
+    DataError
+        The values do not make an instrument; the message names the key.
+    """
+    sounder = scene.sounder
+    tables = sounder.model_dump()
+    update: dict[str, object] = {}
+    if change.bandwidth is not None:
+        _set_bandwidth(tables, sounder, change.bandwidth)
+        update["attenuator"] = ATTENUATION
+    if change.azimuth_step is not None:
+        tables["scan"]["azimuth"] = np.arange(0, 360 - 1e-9, change.azimuth_step).tolist()
+    if change.beamwidth is not None:
+        antenna = tables["rx_antenna"]
+        spread = change.beamwidth / (sounder.rx_antenna.hpbw_azimuth or 360.0)
+        antenna |= {"pattern": "gaussian", "cut": None, "hpbw_azimuth": change.beamwidth}
+        antenna["gain"] -= 10 * float(np.log10(spread))
+    tables["transmitter"]["power"] += change.power
+    if change.power > 0:  # the back-to-back would clip
+        update["attenuator"] = ATTENUATION + change.power
+    if not change.noise:
+        update["faults"] = scene.faults.model_copy(update={"thermal_noise": None})
+    if change.snapshots is not None:
+        update["snapshots"] = change.snapshots
+    return scene.model_copy(update={"sounder": parse(tables, f"{sounder.name}, changed"), **update})
+
+
+def _set_bandwidth(tables: dict, sounder: Sounder, bandwidth: float) -> None:
+    """Change the sample rate, and the sequence's order with it."""
+    waveform = tables["waveform"]
+    ratio = bandwidth / sounder.waveform.sample_rate
+    waveform["order"] = sounder.waveform.order + round(float(np.log2(ratio)))
+    waveform["polynomial"] = PRIMITIVE.get(waveform["order"], ())
+    waveform["sample_rate"], waveform["chip_rate"] = bandwidth, sounder.waveform.chip_rate * ratio
+    tables["processing"]["bandwidth"] = sounder.bandwidth * ratio
+
+
+def _parameters(scene: Scene) -> dict[str, str]:
+    """Set-up under the names of the letter's Table 1."""
+    sounder = scene.sounder
+    placed = [scene.transmitters.values(), [one.position for one in scene.receivers]]
+    heights = [sorted({place[2] for place in places}) for places in placed]
+    azimuth, elevation = np.asarray(sounder.scan.azimuth), np.asarray(sounder.scan.elevation)
+    tx, rx = sounder.tx_antenna, sounder.rx_antenna
+    return {
+        "TX/RX height": "/".join(", ".join(f"{value:g}" for value in values) for values in heights) + " m",
+        "Centre frequency": f"{sounder.carrier.frequency / 1e9:g} GHz",
+        "Bandwidth": f"{sounder.waveform.sample_rate / 1e9:g} GHz",
+        "TX/RX antenna gain": f"{tx.gain:g}/{rx.gain:g} dBi",
+        "Horizontal/vertical HPBW": f"{rx.hpbw_azimuth:g}/{rx.hpbw_elevation:g}°",
+        "RX azimuth rotation": f"{azimuth[0]:g}:{np.diff(azimuth)[0]:g}:{azimuth[-1]:g}°",
+        "RX elevation rotation": f"{elevation[0]:g}:{np.diff(elevation)[0]:g}:{elevation[-1]:g}°",
+    }

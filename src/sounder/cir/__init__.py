@@ -1,0 +1,1 @@
+"""From captures to impulse responses: calibration, averaging, matched filter, and the power spectrum."""

@@ -1,0 +1,208 @@
+"""Figures of products: DAPS in polar and cartesian form, PDP, and the MPCs over the DAPS; and those of a score.
+
+Every function draws into the axes it is given and returns them; saving is the caller's business.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import Colormap, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from sounder.figures.score import detection, errors, normalised
+
+__all__ = ["daps_cartesian", "daps_polar", "detection", "errors", "normalised", "pdp"]
+
+POWER = "viridis"
+"""Colour map of power; perceptually even and safe for colour-blind readers."""
+OVERLAID = ("Blues", "Oranges")
+"""Colour maps of two positions in one figure; hue tells the position, lightness the power."""
+MPC_COLOUR = "#d55e00"
+RINGS = 100
+"""Rings of delay in a polar diagram; a ring shows its strongest sample, or paths would be hairlines."""
+ABOVE: dict[str, Any] = {
+    "loc": "lower right",
+    "bbox_to_anchor": (1.0, 1.0),
+    "frameon": False,
+    "borderaxespad": 0.1,
+}
+"""Place of a legend over the axes, where it hides nothing."""
+RANGE = 40.0
+"""Power shown below the strongest [dB]."""
+
+
+def strongest_elevation(daps: xr.Dataset) -> xr.DataArray:
+    """DAPS with the strongest elevation at each azimuth and delay [dB]; where all are missing, NaN."""
+    return daps["daps"].max("elevation", keep_attrs=True)
+
+
+def shown_delay(daps: xr.Dataset, over: float = 12.0) -> float:
+    """Delay up to which anything stands ``over`` dB above the noise floor, with a tenth to spare [s]."""
+    above = (daps["daps"] > daps["noise_floor"] + over).any(("azimuth", "elevation"))
+    delay = daps["delay"].values
+    last = delay[above.values][-1] if above.any() else delay[-1]
+    return float(min(1.1 * last, delay[-1]))
+
+
+def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None) -> Axes:
+    """Draw a DAPS over delay and azimuth.
+
+    Parameters
+    ----------
+    daps : xarray.Dataset
+        Group ``/daps`` of a product.
+    ax : matplotlib.axes.Axes
+    mpc : xarray.Dataset, optional
+        Group ``/mpc``; drawn as circles with their azimuth errors.
+    """
+    power = strongest_elevation(daps)
+    top = float(power.max())
+    azimuth = power["azimuth"].values
+    mesh = ax.pcolormesh(
+        power["delay"].values * 1e9,
+        azimuth,
+        power.values,
+        cmap=POWER,
+        vmin=max(top - RANGE, float(daps["noise_floor"].median())),
+        vmax=top,
+        shading="nearest",
+        rasterized=True,
+    )
+    _figure(ax).colorbar(mesh, ax=ax, label="Path gain incl. RX antenna (dB)", pad=0.02)
+    if mpc is not None and mpc.sizes["mpc"]:
+        half = np.diff(azimuth).min() / 2 if azimuth.size > 1 else 180.0
+        # 358 degrees belongs into the row of 0, which reaches from -5 to 5.
+        turned = (mpc["azimuth"].values - azimuth[0] + half) % 360 + azimuth[0] - half
+        ax.errorbar(
+            mpc["delay"].values * 1e9,
+            turned,
+            yerr=np.minimum(np.nan_to_num(mpc["azimuth_std"].values), half),
+            fmt="o",
+            markersize=5,
+            markerfacecolor="none",
+            markeredgecolor=MPC_COLOUR,
+            markeredgewidth=1.2,
+            ecolor=MPC_COLOUR,
+            elinewidth=1,
+            label=f"MPCs ({mpc.sizes['mpc']})",
+        )
+        ax.legend(**ABOVE)
+    ax.set(xlabel="Delay (ns)", ylabel="Azimuth of arrival (°)", xlim=(0, shown_delay(daps) * 1e9))
+    ax.set_yticks(np.arange(0, 361, 60))
+    ax.set_ylim(azimuth[0] - _half_step(azimuth), azimuth[-1] + _half_step(azimuth))
+    return ax
+
+
+def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> PolarAxes:
+    """Draw one DAPS, or two in one diagram: radius delay, angle azimuth, colour power.
+
+    Parameters
+    ----------
+    products : sequence of (name, dataset)
+        Name and group ``/daps`` of one or two positions. What is less than 12 dB above the noise floor or more than
+        :data:`RANGE` below the strongest is left blank.
+    ax : matplotlib.projections.polar.PolarAxes
+
+    Raises
+    ------
+    ValueError
+        There are more than two.
+    """
+    if not 1 <= len(products) <= 2:
+        raise ValueError(f"{len(products)} positions; one or two fit a polar diagram")
+    maps = [colormaps[POWER]] if len(products) == 1 else [_without_pale(name) for name in OVERLAID]
+    outer = max(shown_delay(daps) for _, daps in products)
+    crowd = np.zeros(360)
+    for index, ((name, daps), colours) in enumerate(zip(products, maps, strict=True)):
+        above = daps["daps"].where(daps["daps"] > daps["noise_floor"] + 12).max("elevation")
+        rings = max(int(outer / RINGS / float(daps["delay"][1] - daps["delay"][0])), 1)
+        power = above.where(above > above.max() - RANGE).coarsen(delay=rings, boundary="trim").max()
+        corners, values = _sectors(power)
+        drawn = PolyCollection(list(corners * (1, 1e9)), array=values, cmap=colours, alpha=(1.0, 0.8)[index])
+        ax.add_collection(drawn)
+        np.add.at(crowd, np.degrees(corners[..., 0]).astype(int) % 360, 1)
+        if values.size:
+            _figure(ax).colorbar(
+                drawn,
+                ax=ax,
+                label=f"{name}: path gain incl. RX antenna (dB)",
+                location=("right", "left")[index],
+                pad=0.12,
+                shrink=0.8,
+            )
+    ax.set_rlim(0, outer * 1e9)
+    ax.set_thetagrids(np.arange(0, 360, 30))
+    ax.set_rlabel_position(_quietest(crowd))
+    ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    ax.tick_params(axis="x", pad=5)
+    for label in ax.yaxis.get_ticklabels():
+        label.set(fontsize="small", path_effects=[withStroke(linewidth=2.5, foreground="white")])
+    ax.set_xlabel("Angle: azimuth of arrival; radius: delay (ns)")
+    ax.grid(alpha=0.4)
+    return ax
+
+
+def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
+    """Draw omnidirectional power delay profiles, antenna removed.
+
+    Parameters
+    ----------
+    products : sequence of (name, dataset)
+        Name and group ``/daps``.
+    ax : matplotlib.axes.Axes
+    """
+    for name, daps in products:
+        ax.plot(daps["delay"].values * 1e9, daps["pdp"].values, linewidth=0.9, label=name)
+    ax.set(xlabel="Delay (ns)", ylabel="Path gain (dB)")
+    ax.set_xlim(0, max(shown_delay(daps) for _, daps in products) * 1e9)
+    ax.grid(alpha=0.3)
+    ax.legend(**ABOVE, ncols=4)
+    return ax
+
+
+def _figure(ax: Axes) -> Figure:
+    figure = ax.get_figure(root=True)
+    if figure is None:
+        raise ValueError("the axes belong to no figure")
+    return figure
+
+
+def _half_step(values: NDArray[np.float64]) -> float:
+    return float(np.diff(values).min() / 2) if values.size > 1 else 180.0
+
+
+def _without_pale(name: str) -> Colormap:
+    """Colour map without its palest third, which would vanish on white."""
+    return ListedColormap(colormaps[name](np.linspace(0.35, 1, 256)))
+
+
+def _quietest(crowd: NDArray[np.float64]) -> float:
+    """Azimuth between two spokes where least is drawn, given how much is in each degree."""
+    between = np.arange(15, 360, 30)
+    around = between[:, None] + np.arange(-8, 9)
+    return float(between[np.argmin(crowd[around].sum(axis=1))])
+
+
+def _sectors(power: xr.DataArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners (sector, corner, 2) of the sectors of azimuth and delay [rad, s] that have a power, and that (sector,).
+
+    Arcs are cut into pieces of about a degree, since polygons have straight edges.
+    """
+    azimuth, delay = power["azimuth"].values, power["delay"].values
+    looks, bins = np.nonzero(np.isfinite(power.values))
+    half = min(_half_step(azimuth), 180.0)
+    arc = np.radians(azimuth[looks, None] + np.linspace(-half, half, max(int(2 * half), 1) + 1))
+    step = (delay[1] - delay[0]) * np.array([-0.5, 0.5])
+    inner, outer = (delay[bins, None] + step).clip(0).T
+    angle = np.hstack([arc, arc[:, ::-1]])
+    radius = np.repeat(np.stack([outer, inner], axis=1), arc.shape[1], axis=1)
+    return np.stack([angle, radius], axis=-1), power.values[looks, bins]

@@ -1,0 +1,1 @@
+"""What the sounder is: its description (TOML), waveform, antenna patterns and touchstone files."""

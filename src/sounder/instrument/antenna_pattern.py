@@ -1,0 +1,113 @@
+"""Antenna patterns: gain off boresight, and the angles off boresight of a direction."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sounder.instrument.antenna_description import Antenna
+
+STEP = 0.25
+"""Spacing of the tabulated cuts [degree]."""
+
+Angles = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Relative gain of an antenna, separable in its own azimuth and elevation.
+
+    ``g(x, y) = max(azimuth_cut(x) + elevation_cut(y), floor)`` [dB], zero at boresight, with the cuts tabulated every
+    :data:`STEP` degree from -180 to 180 and linear in dB between. A product of principal cuts is exact for an
+    aperture whose illumination is a product (a pyramidal horn), and overstates nothing above the floor.
+
+    Attributes
+    ----------
+    gain : float
+        Boresight gain [dBi].
+    azimuth_cut, elevation_cut : array (angle,)
+        Principal cuts [dB].
+    floor : float
+        Lower limit of the relative gain [dB].
+
+    References
+    ----------
+    Balanis, Antenna Theory, 4th ed., 2016, sections 12.5 and 13.4.
+    """
+
+    gain: float
+    azimuth_cut: Angles
+    elevation_cut: Angles
+    floor: float
+
+    @classmethod
+    def of(cls, antenna: Antenna) -> "Pattern":
+        """Tabulate the pattern that a description names."""
+        angle = np.arange(-180, 180 + STEP / 2, STEP)
+        if antenna.pattern == "flat":
+            return cls(antenna.gain, np.zeros_like(angle), np.zeros_like(angle), 0.0)
+        if antenna.cut is not None:
+            cuts = [
+                np.interp(angle, antenna.cut.angle, np.asarray(cut) - np.interp(0, antenna.cut.angle, cut))
+                for cut in (antenna.cut.azimuth, antenna.cut.elevation)
+            ]
+        else:
+            # exp(-4 ln 2 (x/hpbw)^2) in power is -3.01 dB at half the beamwidth: 12 dB times (x/hpbw)^2.
+            cuts = [-12.0 * (angle / (hpbw or 360.0)) ** 2 for hpbw in (antenna.hpbw_azimuth, antenna.hpbw_elevation)]
+        return cls(antenna.gain, cuts[0], cuts[1], antenna.sidelobe_floor)
+
+    @property
+    def directive(self) -> bool:
+        """Whether the gain depends on direction."""
+        return self.floor < 0
+
+    @property
+    def sidelobe_level(self) -> float:
+        """Highest relative gain [dB] outside the main lobe, in either cut; the floor where there are no sidelobes."""
+        levels = [self.floor]
+        middle = self.azimuth_cut.size // 2
+        for cut in (self.azimuth_cut, self.elevation_cut):
+            for side in (cut[middle:], cut[middle::-1]):
+                rises = np.flatnonzero(np.diff(side) > 0)
+                if rises.size:
+                    levels.append(float(side[rises[0] :].max()))
+        return max(levels)
+
+    def relative_gain(self, azimuth: Angles, elevation: Angles) -> Angles:
+        """Gain relative to boresight [dB] at angles off boresight [degree]; shapes broadcast."""
+        angle = np.arange(-180, 180 + STEP / 2, STEP)
+        total = np.interp(azimuth, angle, self.azimuth_cut) + np.interp(elevation, angle, self.elevation_cut)
+        return np.maximum(total, self.floor)
+
+    def beam_gain(
+        self, azimuth: Angles, elevation: Angles, boresight_azimuth: Angles, boresight_elevation: Angles
+    ) -> Angles:
+        """Relative gain [dB] toward a direction when the antenna looks at another; shapes broadcast."""
+        return self.relative_gain(*off_boresight(azimuth, elevation, boresight_azimuth, boresight_elevation))
+
+
+def off_boresight(
+    azimuth: Angles, elevation: Angles, boresight_azimuth: Angles, boresight_elevation: Angles
+) -> tuple[Angles, Angles]:
+    """Angles of a direction in the frame of an antenna that looks at another direction.
+
+    The antenna is turned about the vertical, then tilted; its frame has x along boresight, y to the left and z up.
+
+    Parameters
+    ----------
+    azimuth, elevation : array (...)
+        Direction [degree].
+    boresight_azimuth, boresight_elevation : array (...)
+        Where the antenna looks [degree].
+
+    Returns
+    -------
+    azimuth, elevation : array (...)
+        ``atan2(y, x)`` and ``asin(z)`` [degree].
+    """
+    turn = np.radians(np.asarray(azimuth) - boresight_azimuth)
+    up, tilt = np.radians(elevation), np.radians(boresight_elevation)
+    x = np.cos(up) * np.cos(turn) * np.cos(tilt) + np.sin(up) * np.sin(tilt)
+    y = np.cos(up) * np.sin(turn)
+    z = np.sin(up) * np.cos(tilt) - np.cos(up) * np.cos(turn) * np.sin(tilt)
+    return np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(np.clip(z, -1, 1)))

@@ -1,0 +1,237 @@
+"""The m-sequence: its chips, its sampled template, and finding out which one an instrument sends."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from erm.common.errors import DataError
+from sounder.instrument.description import Waveform
+
+
+def m_sequence(order: int, polynomial: tuple[int, ...]) -> NDArray[np.int8]:
+    """Bits of a linear-feedback shift register of full length.
+
+    ``s[n + order] = xor of s[n + e]`` over the exponents ``e < order`` of the characteristic polynomial, started from
+    ``s[0 .. order-1] = 1``.
+
+    Parameters
+    ----------
+    order : int
+        Degree of the polynomial.
+    polynomial : tuple of int
+        Its exponents, for example ``(9, 4, 0)``. It must be primitive, which a sounder description is held to.
+
+    Returns
+    -------
+    array (2**order - 1,)
+        Bits 0 and 1.
+
+    References
+    ----------
+    Golomb, Shift Register Sequences, 1967.
+    """
+    length = 2**order - 1
+    taps = [exponent for exponent in polynomial if exponent < order]
+    bits = [1] * order
+    for n in range(length):
+        bits.append(sum(bits[n + tap] for tap in taps) & 1)
+    return np.asarray(bits[:length], np.int8)
+
+
+def chips(waveform: Waveform) -> NDArray[np.int8]:
+    """Bits of one period in the order and with the polarity they are sent (a 0 is sent as +1).
+
+    Returns
+    -------
+    array (2**order - 1,)
+        Bits 0 and 1.
+    """
+    bits = m_sequence(waveform.order, waveform.polynomial)
+    if waveform.direction == "reversed":
+        bits = bits[::-1].copy()
+    return bits if waveform.polarity == "positive" else (1 - bits).astype(np.int8)
+
+
+def held_template(waveform: Waveform) -> NDArray[np.float64]:
+    """Template of the correlator: chips +-1, each held over ``samples_per_chip`` samples; shape (sample,)."""
+    return np.repeat(1.0 - 2.0 * chips(waveform), waveform.samples_per_chip)
+
+
+def band_limited_template(waveform: Waveform, flat: float = 0.9) -> NDArray[np.complex128]:
+    """Transmitted waveform after an ideal reconstruction filter, unit mean power.
+
+    The spectrum of the held chips is kept up to ``flat`` times the main lobe or Nyquist, whichever is less, and falls
+    to zero there by a raised cosine, as analogue filters behind the converter make it.
+
+    Parameters
+    ----------
+    waveform : Waveform
+        The sequence.
+    flat : float
+        Fraction of the band that is left unchanged.
+
+    Returns
+    -------
+    array (sample,)
+        One period, complex.
+    """
+    edge = min(waveform.chip_rate, waveform.sample_rate / 2)
+    frequency = np.abs(np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate)) / edge
+    fall = np.clip((frequency - flat) / (1 - flat), 0, 1)
+    spectrum = np.fft.fft(held_template(waveform)) * (0.5 + 0.5 * np.cos(np.pi * fall))
+    sent = np.fft.ifft(spectrum)
+    return sent / np.sqrt(np.mean(np.abs(sent) ** 2))
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Which m-sequence a capture holds.
+
+    Reversing a sequence in time is the same as taking the reciprocal polynomial, so a capture alone cannot tell
+    ``(polynomial, forward)`` from ``(reciprocal, reversed)``: ``polynomial`` and ``direction`` are one of the two.
+
+    Attributes
+    ----------
+    order, samples_per_chip : int
+    polynomial : tuple of int
+    direction, polarity : str
+        As in the description; the polarity is the sign of the strongest path's real part.
+    margin : float
+        Peak of the correlation over the peak of the best other sequence [dB].
+    """
+
+    order: int
+    samples_per_chip: int
+    polynomial: tuple[int, ...]
+    direction: Literal["forward", "reversed"]
+    polarity: Literal["positive", "negative"]
+    margin: float
+
+
+def is_described(found: Identification, waveform: Waveform) -> bool:
+    """Whether a sequence that was found is that of a description, but for its sign.
+
+    A sequence sent backwards is that of the reciprocal polynomial, exponents ``order - e`` for ``e``.
+    """
+
+    def forward(sequence: Identification | Waveform) -> list[int]:
+        exponents = sequence.polynomial
+        return sorted(sequence.order - e if sequence.direction == "reversed" else e for e in exponents)
+
+    same_rate = found.samples_per_chip == waveform.samples_per_chip
+    return same_rate and found.order == waveform.order and forward(found) == forward(waveform)
+
+
+def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) -> Identification:
+    """Find polynomial, direction and polarity of the m-sequence in a back-to-back capture.
+
+    Every m-sequence of one order is a decimation ``s[d n]`` of one of them by a ``d`` prime to its length, one for
+    each cyclotomic coset. All are correlated with the capture; the one whose peak stands out is the one sent.
+
+    Parameters
+    ----------
+    capture : array (sample,)
+        Complex samples of one period, averaged over snapshots.
+    minimum_margin : float
+        The least peak over the best other sequence that counts as found [dB].
+
+    Returns
+    -------
+    Identification
+        Of the polynomial and its reciprocal, the one that comes first in the order of exponents is called forward.
+
+    Raises
+    ------
+    DataError
+        The length is that of no m-sequence of order 7-15 at 1-4 samples a chip, or no sequence stands out.
+
+    References
+    ----------
+    Golomb, Shift Register Sequences, 1967 (decimation); Massey, IEEE Trans. Inf. Theory 15, 1969 (polynomial).
+    """
+    from scipy.fft import fft, ifft  # in single precision, which numpy's had not before its version 2
+
+    factors = [
+        (order, per_chip)
+        for order in range(7, 16)
+        for per_chip in range(1, 5)
+        if (2**order - 1) * per_chip == capture.size
+    ]
+    if not factors:
+        raise DataError(f"{capture.size} samples are no period of an m-sequence of order 7-15 at 1-4 samples a chip")
+    order, per_chip = factors[0]
+    length = 2**order - 1
+    # The sum over a chip is its matched filter. Of its phases, the one that begins with the chips holds the most
+    # energy; decimating without the sum would alias noise.
+    sums = np.sum([np.roll(capture, -k) for k in range(per_chip)], axis=0).reshape(length, per_chip).T
+    spectrum = fft(sums[np.argmax(np.sum(np.abs(sums) ** 2, axis=1))].astype(np.complex64))
+    base = m_sequence(order, PRIMITIVE[order])
+    base_spectrum = np.conj(fft(1.0 - 2.0 * base)).astype(np.complex64)
+    index = np.arange(length)
+    peaks: list[tuple[float, int, complex]] = []
+    for decimation in _coset_leaders(order):
+        # Decimating a sequence by d decimates its spectrum by 1/d.
+        reference = base_spectrum[(pow(decimation, -1, length) * index) % length]
+        correlation = ifft(spectrum * reference)
+        at = np.argmax(np.abs(correlation))
+        peaks.append((float(np.abs(correlation[at])), decimation, complex(correlation[at])))
+    peaks.sort(key=lambda peak: -peak[0])
+    (best, decimation, value), (second, *_) = peaks[:2]
+    margin = 20 * np.log10(best / second) if second > 0 else 0.0
+    if not margin >= minimum_margin:  # NaN included
+        raise DataError(
+            f"no m-sequence of order {order} stands out: the best is {margin:.1f} dB over the next, "
+            f"expected at least {minimum_margin:g} dB; is this a back-to-back capture?"
+        )
+    found = _characteristic_polynomial(base[(decimation * index) % length], order)
+    reciprocal = tuple(order - exponent for exponent in reversed(found))
+    polynomial, direction = min((found, "forward"), (reciprocal, "reversed"))
+    return Identification(
+        order=order,
+        samples_per_chip=per_chip,
+        polynomial=polynomial,
+        direction="forward" if direction == "forward" else "reversed",
+        polarity="positive" if value.real >= 0 else "negative",
+        margin=float(margin),
+    )
+
+
+# One primitive polynomial of each order; the others follow by decimation. Source: Peterson & Weldon, 1972, table C.2.
+PRIMITIVE: dict[int, tuple[int, ...]] = {
+    7: (7, 1, 0),
+    8: (8, 4, 3, 2, 0),
+    9: (9, 4, 0),
+    10: (10, 3, 0),
+    11: (11, 2, 0),
+    12: (12, 6, 4, 1, 0),
+    13: (13, 4, 3, 1, 0),
+    14: (14, 5, 3, 1, 0),
+    15: (15, 1, 0),
+}
+
+
+@cache
+def _coset_leaders(order: int) -> tuple[int, ...]:
+    """Smallest member of every cyclotomic coset that is prime to the length; one a sequence."""
+    length = 2**order - 1
+    leaders = []
+    for d in range(1, length, 2):
+        coset = [(d << shift) % length for shift in range(order)]
+        if d == min(coset) and np.gcd(d, length) == 1:
+            leaders.append(d)
+    return tuple(leaders)
+
+
+def _characteristic_polynomial(bits: NDArray[np.int8], order: int) -> tuple[int, ...]:
+    """Exponents of the polynomial that makes the sequence, by Gaussian elimination over GF(2)."""
+    rows = np.array([[*bits[n : n + order], bits[n + order]] for n in range(order)], dtype=np.uint8)
+    for column in range(order):
+        pivot = column + int(np.argmax(rows[column:, column]))
+        rows[[column, pivot]] = rows[[pivot, column]]
+        for row in range(order):
+            if row != column and rows[row, column]:
+                rows[row] ^= rows[column]
+    return (order, *(exponent for exponent in range(order - 1, -1, -1) if rows[exponent, order]))

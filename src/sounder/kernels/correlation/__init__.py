@@ -1,0 +1,1 @@
+"""Compiled correlation with periodic sequences."""

@@ -1,0 +1,1 @@
+"""From impulse responses to multipath components with standard deviations."""

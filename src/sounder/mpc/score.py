@@ -1,0 +1,279 @@
+"""Score of MPCs against the paths that were there: what was found, what was made up, how far off, how honest."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from erm.common.errors import OptionError
+from sounder.instrument.antenna_pattern import Pattern
+from sounder.instrument.description import Sounder
+from sounder.mpc.cramer_rao import NAMES, gains
+
+Real = NDArray[np.float64]
+FORBIDDEN = 1e6
+"""Cost of a pair outside the gates, more than all pairs inside them together."""
+
+
+@dataclass(frozen=True)
+class Gates:
+    """How far an MPC may be from a path and still be it; infinite for no matter.
+
+    The defaults are the resolution of the 132 GHz sounder, about ``1 / bandwidth`` and half a beam; elevation is free,
+    for it is not known outside the fan.
+
+    Attributes
+    ----------
+    delay : float
+        [s]
+    azimuth, elevation : float
+        [degree]
+    path_gain : float
+        [dB]
+    """
+
+    delay: float = 1e-9
+    azimuth: float = 5.0
+    elevation: float = np.inf
+    path_gain: float = 10.0
+
+    def __post_init__(self) -> None:
+        for name, gate in asdict(self).items():
+            if not gate > 0:
+                raise OptionError(f"gate of {name} is {gate:g}; expected more than 0")
+
+
+@dataclass(frozen=True)
+class Score:
+    """What became of the paths, and of the MPCs.
+
+    Attributes
+    ----------
+    paths : xarray.Dataset
+        Along ``path``: the true ``position``, ``delay`` [s], ``azimuth``, ``elevation`` [degree], ``path_gain`` and
+        ``snr`` [dB] (NaN where not known); ``required``, whether it had to be found; ``separation`` from the next path,
+        as a distance of which every gate is one unit; ``match``, the index of its MPC, -1 if it was not found; and of
+        its MPC ``delay_error`` and so on, estimated less true, with ``delay_normalised`` and so on, the same over
+        ``_std``.
+    estimates : xarray.Dataset
+        Along ``mpc``: the MPCs, with ``match``, the index of the path, -1 for false ones.
+    gates : Gates
+    """
+
+    paths: xr.Dataset
+    estimates: xr.Dataset
+    gates: Gates
+
+    @property
+    def detection(self) -> float:
+        """Share of the required paths that were found; NaN if there are none."""
+        required = self.paths["required"].values
+        return _share(self.paths["match"].values[required] >= 0)
+
+    @property
+    def false_share(self) -> float:
+        """Share of the MPCs that are no path; NaN if there are none."""
+        return _share(self.estimates["match"].values < 0)
+
+    def summary(self) -> dict[str, Any]:
+        """Counts, and of the required paths that were found the errors; numbers and names only.
+
+        ``within_1_std`` and ``within_2_std`` are 0.683 and 0.954 for honest, normally distributed errors.
+        """
+        required = self.paths["required"].values
+        judged = self.paths.isel(path=np.flatnonzero(required & (self.paths["match"].values >= 0)))
+        return {
+            "positions": len(np.unique(self.paths["position"].values)),
+            "gates": asdict(self.gates),
+            "paths": int(required.sum()),
+            "found": judged.sizes["path"],
+            "detection": self.detection,
+            "mpcs": self.estimates.sizes["mpc"],
+            "false": int((self.estimates["match"].values < 0).sum()),
+            "false_share": self.false_share,
+            "errors": {
+                name: {"unit": unit, **_errors(judged[f"{name}_error"].values, judged[f"{name}_normalised"].values)}
+                for name, unit in NAMES.items()
+            },
+        }
+
+
+def score(
+    estimated: xr.Dataset,
+    truth: xr.Dataset,
+    *,
+    gates: Gates | None = None,
+    dynamic_range: float = 25.0,
+    least_snr: float = 10.0,
+    period: float | None = None,
+) -> Score:
+    """Match MPCs to true paths, one to one, and judge both.
+
+    In each position the required paths are assigned to MPCs first, so that a weak neighbour takes none from them, then
+    the other paths to the MPCs that are left: those need not be found, but to find them is no mistake. Of all
+    assignments within the gates each takes one with the most pairs, and of these that with the least sum of squared
+    distances, every gate being one unit.
+
+    Parameters
+    ----------
+    estimated : xarray.Dataset
+        Along ``mpc``: ``delay``, ``azimuth``, ``elevation``, ``path_gain``, their ``_std`` if known, and ``position``
+        if there are several.
+    truth : xarray.Dataset
+        The same along any dimension, without ``_std``. May hold ``snr`` and ``beam_gain`` (from :func:`with_snr`), and
+        ``required`` (bool), which goes before the two rules below.
+    gates : Gates, optional
+    dynamic_range : float
+        Paths are required down to so much under the position's strongest, in the beam that sees each best [dB].
+    least_snr : float
+        And from this SNR up, where it is known [dB].
+    period : float, optional
+        Delays are known modulo this [s].
+
+    Returns
+    -------
+    Score
+
+    References
+    ----------
+    Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001 (gating, normalised
+    errors).
+    """
+    for option, limit in (("dynamic_range", dynamic_range), ("least_snr", least_snr)):
+        if np.isnan(limit):
+            raise OptionError(f"{option} is {limit} dB; expected a number")
+    gates = gates or Gates()
+    (dim,) = truth["delay"].dims
+    paths = truth.rename({dim: "path"}) if dim != "path" else truth
+    there, found = _columns(paths), _columns(estimated)
+    where, whence = _positions(paths, "path"), _positions(estimated, "mpc")
+    match = np.full(len(there), -1)
+    required = np.zeros(len(there), bool)
+    separation = np.full(len(there), np.inf)
+    for name in np.unique(where):
+        here, mpcs = np.flatnonzero(where == name), np.flatnonzero(whence == name)
+        local = paths.isel(path=here)
+        required[here] = _required(local, dynamic_range, least_snr)
+        separation[here] = _separation(there[here], gates, period)
+        for candidates in (here[required[here]], here[~required[here]]):
+            free = mpcs[~np.isin(mpcs, match)]
+            distance = _distance(there[candidates], found[free], gates, period)
+            chosen, taken = linear_sum_assignment(np.minimum(distance, FORBIDDEN))
+            good = np.isfinite(distance[chosen, taken])
+            match[candidates[chosen[good]]] = free[taken[good]]
+
+    columns: dict[str, Any] = {
+        "position": where,
+        **{name: there[:, i] for i, name in enumerate(NAMES)},
+        "snr": paths["snr"].values if "snr" in paths else np.full(len(there), np.nan),
+        "required": required,
+        "separation": separation,
+        "match": match,
+    }
+    error = np.full(there.shape, np.nan)
+    hit = match >= 0
+    error[hit] = _difference(found[match[hit]], there[hit], period)
+    for i, name in enumerate(NAMES):
+        std = estimated[f"{name}_std"].values if f"{name}_std" in estimated else np.full(len(found), np.nan)
+        columns[f"{name}_error"] = error[:, i]
+        columns[f"{name}_normalised"] = np.full(len(there), np.nan)
+        columns[f"{name}_normalised"][hit] = error[hit, i] / std[match[hit]]
+    back = np.full(len(found), -1)
+    back[match[hit]] = np.flatnonzero(hit)
+    judged = xr.Dataset({name: ("path", values) for name, values in columns.items()})
+    return Score(judged, estimated.assign(match=("mpc", back)), gates)
+
+
+def with_snr(truth: xr.Dataset, daps: xr.Dataset, sounder: Sounder) -> xr.Dataset:
+    """Paths with what the scan of a position could see of them.
+
+    Parameters
+    ----------
+    truth : xarray.Dataset
+        One dimension: ``azimuth``, ``elevation`` [degree], ``path_gain`` [dB].
+    daps : xarray.Dataset
+        Group ``/daps`` of the position's product, for its directions and their noise.
+    sounder : Sounder
+        For the receive antenna.
+
+    Returns
+    -------
+    xarray.Dataset
+        With ``beam_gain``, of the antenna in the direction that sees the path best, relative to boresight, and
+        ``snr``, of the path's peak in that direction [dB].
+    """
+    (dim,) = truth["azimuth"].dims
+    pattern = Pattern.of(sounder.rx_antenna)
+    toward = gains(
+        truth["azimuth"].values, truth["elevation"].values, daps["azimuth"].values, daps["elevation"].values, pattern
+    )
+    noise = daps["noise_floor"].transpose("azimuth", "elevation").values.ravel()
+    recorded = np.isfinite(noise)
+    best = toward[:, recorded].argmax(axis=1)
+    gain = toward[:, recorded][np.arange(len(best)), best]
+    snr = truth["path_gain"].values + pattern.gain + gain - noise[recorded][best]
+    return truth.assign(beam_gain=(dim, gain), snr=(dim, snr))
+
+
+def _columns(table: xr.Dataset) -> Real:
+    """Parameters (row, parameter) in the order of ``NAMES``."""
+    columns: Real = np.stack([np.asarray(table[name].values, float) for name in NAMES], axis=-1)
+    return columns
+
+
+def _positions(table: xr.Dataset, dim: str) -> NDArray[np.str_]:
+    if "position" in table.variables:
+        return np.broadcast_to(table["position"].values.astype(np.str_), table.sizes[dim])
+    return np.full(table.sizes[dim], "")
+
+
+def _required(paths: xr.Dataset, dynamic_range: float, least_snr: float) -> NDArray[np.bool_]:
+    if "required" in paths:
+        return np.asarray(paths["required"].values, bool)
+    seen = paths["path_gain"].values + (paths["beam_gain"].values if "beam_gain" in paths else 0.0)
+    strong: NDArray[np.bool_] = seen >= seen.max(initial=-np.inf) - dynamic_range
+    return strong & (paths["snr"].values >= least_snr) if "snr" in paths else strong
+
+
+def _difference(a: Real, b: Real, period: float | None) -> Real:
+    """Difference of parameters; delays and azimuths the short way round."""
+    off: Real = a - b
+    off[..., 1] = (off[..., 1] + 180) % 360 - 180
+    if period is not None:
+        off[..., 0] = (off[..., 0] + period / 2) % period - period / 2
+    return off
+
+
+def _distance(a: Real, b: Real, gates: Gates, period: float | None) -> Real:
+    """Squared distance of every a from every b with each gate as unit, infinite outside any gate; unknowns count 0."""
+    off = _difference(a[:, None], b[None, :], period) / np.array([getattr(gates, name) for name in NAMES])
+    inside = ~(np.abs(off) > 1).any(axis=-1)
+    return np.where(inside, np.nansum(off**2, axis=-1), np.inf)
+
+
+def _separation(paths: Real, gates: Gates, period: float | None) -> Real:
+    """Distance in delay and azimuth to the next path that is not ``gates.path_gain`` weaker, each gate one unit."""
+    off = _difference(paths[:, None], paths[None, :], period)
+    far = np.hypot(off[..., 0] / gates.delay, off[..., 1] / gates.azimuth)
+    far[np.eye(len(paths), dtype=bool) | (off[..., 3] > gates.path_gain)] = np.inf
+    nearest: Real = far.min(axis=1, initial=np.inf)
+    return nearest
+
+
+def _errors(error: Real, normalised: Real) -> dict[str, float | int]:
+    known, told = error[np.isfinite(error)], np.abs(normalised[np.isfinite(normalised)])
+    return {
+        "count": known.size,
+        "rmse": float(np.sqrt(np.mean(known**2))) if known.size else np.nan,
+        "bias": float(np.mean(known)) if known.size else np.nan,
+        "median_absolute": float(np.median(np.abs(known))) if known.size else np.nan,
+        "within_1_std": _share(told < 1),
+        "within_2_std": _share(told < 2),
+    }
+
+
+def _share(which: NDArray[np.bool_]) -> float:
+    return float(which.mean()) if which.size else np.nan

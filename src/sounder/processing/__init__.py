@@ -1,0 +1,1 @@
+"""From recordings to products: one position, many positions, and what is wrong with them."""

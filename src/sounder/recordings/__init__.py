@@ -1,0 +1,1 @@
+"""What was recorded: recordings and their readers, one a format."""

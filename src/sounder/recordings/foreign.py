@@ -1,0 +1,283 @@
+"""Foreign HDF5 and MATLAB files, read as a layout says."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from erm.common.errors import DataError
+from sounder.instrument.description import Sounder, parse
+from sounder.recordings.foreign_file import ForeignFile, foreign_file, opener
+from sounder.recordings.layout import Layout, Reference, Samples
+from sounder.recordings.recording import BackToBack, Captures, Recording, check
+from sounder.toml import describe
+
+PLACE = ("position", "azimuth", "elevation", "direction")
+"""Axes that tell where a capture was made."""
+
+
+def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording | DataError]:
+    """Open every position of a foreign file; HDF5 samples are not read.
+
+    Parameters
+    ----------
+    path : Path
+        HDF5 (MATLAB 7.3 included) or older MATLAB file.
+    layout : Layout
+        Where everything is.
+    sounder : Sounder
+        The description that the layout's own keys override.
+
+    Returns
+    -------
+    list of Recording or DataError
+        One a position; what cannot be used stands as its error.
+
+    Raises
+    ------
+    DataError
+        The file is not as the layout says.
+    """
+    with foreign_file(path) as file:
+        described = _described(file, layout, sounder)
+        azimuth, elevation, order = _grid(file, layout)
+        shape = _shape(file, layout.captures)
+        positions = shape.get("position", 1)
+        directions = (azimuth.size, elevation.size)
+        _require_lengths(path, layout.captures, shape, directions, described.waveform.samples)
+        tx = file.points(layout.positions.tx, positions, "positions.tx")
+        rx = file.points(layout.positions.rx, positions, "positions.rx")
+        los = file.lines_of_sight(layout.positions.los, positions, "positions.los")
+        scale = file.scale(layout.scale_factor, "scale_factor")
+        each = (layout.captures, shape, directions)
+        agc = _each_direction(file, layout.agc_gain, *each, "agc_gain")
+        times = None if layout.time is None else _each_direction(file, layout.time, *each, "time")
+    file_of_all = opener(path)
+    found: list[Recording | DataError] = []
+    for p in range(positions):
+        recording = Recording(
+            name=_name(layout, path, p),
+            source=path,
+            sounder=described,
+            azimuth=azimuth,
+            elevation=elevation,
+            snapshots=shape.get("snapshot", 1),
+            tx_position=tx[p],
+            rx_position=rx[p],
+            scale_factor=scale,
+            agc_gain=agc[p][order],
+            valid=np.ones(directions, bool),
+            los=los[p],
+            time=None if times is None else times[p][order],
+            read=_reader(file_of_all, layout.captures, p, order, directions),
+        )
+        try:
+            check(recording, shape["sample"])
+        except DataError as error:
+            found.append(error)
+        else:
+            found.append(recording)
+    return found
+
+
+def back_to_back(path: Path, layout: Layout, sounder: Sounder) -> BackToBack | None:
+    """Read the back-to-back captures a foreign file holds; None where the layout names none."""
+    block = layout.back_to_back
+    if block is None:
+        return None
+    with foreign_file(path) as file:
+        _shape(file, block)
+        scale = layout.scale_factor if block.scale_factor is None else block.scale_factor
+        return BackToBack(
+            source=path,
+            sounder=_described(file, layout, sounder),
+            captures=_captures(file, block, {}),
+            scale_factor=file.scale(scale, "scale_factor"),
+            attenuation=file.number(block.attenuation, "back_to_back.attenuation"),
+            s21=None,
+            includes_tx_antenna=block.includes_tx_antenna,
+        )
+
+
+def _each_direction(
+    file: ForeignFile,
+    value: Any,
+    block: Samples,
+    shape: Mapping[str, int],
+    directions: tuple[int, int],
+    label: str,
+) -> NDArray[np.float64]:
+    """Bring one number, one a position, or one a direction along the captures' own axes to the file's grid.
+
+    Returns
+    -------
+    array (position, azimuth, elevation)
+    """
+    found = file.numbers(value, label).astype(float)
+    axes = [axis for axis in block.axes if axis in PLACE]
+    full = [shape[axis] for axis in axes]
+    if found.shape == tuple(length for length in full if length > 1):
+        found = found.reshape(full)
+    elif found.shape == (shape.get("position", 1),) and "position" in axes:
+        found = found.reshape([shape[axis] if axis == "position" else 1 for axis in axes])
+    elif found.ndim:
+        raise DataError(
+            f"{file.path}: {label} has shape {found.shape}; expected one number, one a position, or {tuple(full)} "
+            f"along the captures' axes {', '.join(axes)}"
+        )
+    if not np.isfinite(found).all():
+        raise DataError(f"{file.path}: {label} holds values that are not finite")
+    found = np.broadcast_to(found, full)
+    if "direction" in axes:
+        at = axes.index("direction")
+        split = ["elevation", "azimuth"] if block.slowest == "elevation" else ["azimuth", "elevation"]
+        lengths = [directions[0] if axis == "azimuth" else directions[1] for axis in split]
+        found = found.reshape([*full[:at], *lengths, *full[at + 1 :]])
+        # `axes` is a list of literals, and `split` holds two of these, which the type checker sees as any text.
+        axes[at : at + 1] = split  # type: ignore[assignment]
+    wanted = ("position", "azimuth", "elevation")
+    found = found.transpose([axes.index(axis) for axis in wanted if axis in axes])
+    absent = tuple(i for i, axis in enumerate(wanted) if axis not in axes)
+    return np.expand_dims(found, absent)
+
+
+def _described(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
+    """The sounder description with the layout's keys in place."""
+
+    def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+        result = dict(base)
+        for key, value in over.items():
+            if isinstance(value, dict) and value.keys() & {"dataset", "attribute", "of"}:
+                try:
+                    reference = Reference.model_validate(value)
+                except ValidationError as error:
+                    raise DataError(
+                        f"{file.path}: the layout's [sounder]: {key}: {describe(error, Reference)}"
+                    ) from None
+                label = f"sounder: {key}"
+                named = key == "name"
+                result[key] = file.text(reference, label) if named else file.numbers(reference, label).tolist()
+            elif isinstance(value, dict):
+                result[key] = merged(result.get(key) or {}, value)
+            else:
+                result[key] = value
+        return result
+
+    tables = merged(sounder.model_dump(), layout.sounder)
+    for name in ("tx_antenna", "rx_antenna"):
+        if isinstance(tables.get(name), dict) and tables[name].get("pattern") != "cut":
+            tables[name]["cut"] = None
+    return parse(tables, f"{file.path}: the layout's [sounder]")
+
+
+def _grid(
+    file: ForeignFile, layout: Layout
+) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Azimuth and elevation in rising order [degree], and the file's index of each."""
+    azimuth = file.angles(layout.grid.azimuth, "grid.azimuth")
+    elevation = file.angles(layout.grid.elevation, "grid.elevation")
+    if layout.grid.azimuth_convention == "compass":
+        azimuth = 90.0 - azimuth
+    if layout.grid.elevation_convention == "zenith":
+        elevation = 90.0 - elevation
+    azimuth = azimuth % 360
+    if np.abs(elevation).max() > 90:
+        raise DataError(f"{file.path}: grid.elevation leaves -90..90 degree above the horizon; is it a zenith angle?")
+    by_azimuth, by_elevation = np.argsort(azimuth), np.argsort(elevation)
+    if np.unique(azimuth).size < azimuth.size or np.unique(elevation).size < elevation.size:
+        raise DataError(f"{file.path}: the grid names a direction twice; list each azimuth and elevation once")
+    order = (by_azimuth[:, None], by_elevation[None, :])
+    return azimuth[by_azimuth], elevation[by_elevation], order
+
+
+def _shape(file: ForeignFile, block: Samples) -> dict[str, int]:
+    """Length of every named axis."""
+    node = file.node(block.dataset)
+    if node.ndim != len(block.axes):
+        raise DataError(
+            f"{file.path}: {block.dataset} has {node.ndim} axes {node.shape}; the layout names {len(block.axes)}: "
+            f"{', '.join(block.axes)}"
+        )
+    shape = dict(zip(map(str, block.axes), node.shape, strict=True))
+    if block.imaginary is not None and (other := file.node(block.imaginary).shape) != node.shape:
+        raise DataError(f"{file.path}: {block.dataset} has shape {node.shape}, but {block.imaginary} has {other}")
+    if (node.dtype.kind in "biuf") != (block.imaginary is not None or "iq" in block.axes):
+        raise DataError(
+            f"{file.path}: {block.dataset} is {node.dtype}; real numbers need the axis iq or a dataset named as "
+            "imaginary, complex ones neither"
+        )
+    if shape.get("iq", 2) != 2:
+        raise DataError(f"{file.path}: axis iq of {block.dataset} has length {shape['iq']}; expected 2 (I, Q)")
+    return shape
+
+
+def _require_lengths(
+    path: Path, block: Samples, shape: Mapping[str, int], directions: tuple[int, int], samples: int
+) -> None:
+    """Refuse axes that have not the length of the grid or, where another one has it, of a capture."""
+    order = (
+        f"{block.dataset} is {tuple(shape.values())}, read as {', '.join(shape)}; "
+        "captures.axes must name the axes in the order in which the file stores them"
+    )
+    for axis, length in zip(("azimuth", "elevation"), directions, strict=True):
+        have = shape.get(axis, length if "direction" in shape else 1)
+        if have != length:
+            raise DataError(f"{path}: {have} captures along {axis}, but the grid has {length} values; {order}")
+    if "direction" in shape and shape["direction"] != directions[0] * directions[1]:
+        wanted = f"{directions[0]} x {directions[1]}"
+        raise DataError(f"{path}: {shape['direction']} directions, but the grid has {wanted} values; {order}")
+    if shape["sample"] != samples and samples in shape.values():
+        raise DataError(f"{path}: {shape['sample']} samples a capture, but the sequence has {samples}; {order}")
+
+
+def _name(layout: Layout, path: Path, position: int) -> str:
+    """Name of a position; by default the file's where it holds one, and a number after it where it holds many."""
+    pattern = layout.positions.name
+    if pattern is None:
+        pattern = "{file}-{:02d}" if "position" in layout.captures.axes else "{file}"
+    return pattern.format(position, file=path.stem)
+
+
+def _reader(
+    opened: Callable[[], ForeignFile],
+    block: Samples,
+    position: int,
+    order: tuple[NDArray[np.intp], NDArray[np.intp]],
+    directions: tuple[int, int],
+) -> Callable[[int, int, slice], Captures]:
+    """Read captures of one direction, named by its place in the sorted grid."""
+
+    def read(azimuth: int, elevation: int, snapshots: slice) -> Captures:
+        a, e = int(order[0][azimuth, 0]), int(order[1][0, elevation])
+        direction = e * directions[0] + a if block.slowest == "elevation" else a * directions[1] + e
+        where = {"position": position, "azimuth": a, "elevation": e, "direction": direction, "snapshot": snapshots}
+        try:
+            return _captures(opened(), block, where)
+        except OSError as error:
+            raise DataError(f"{opened().path}: {block.dataset} cannot be read ({error}); copy the file again") from None
+
+    return read
+
+
+def _captures(file: ForeignFile, block: Samples, where: Mapping[str, Any]) -> Captures:
+    """Captures at ``where``, brought to (snapshot, sample[, iq]), int16 as they are and all else as complex64."""
+    index = tuple(where.get(axis, slice(None)) for axis in block.axes)
+    left = [axis for axis in block.axes if axis in ("snapshot", "sample", "iq")]
+    data = np.asarray(file.node(block.dataset)[index])
+    if block.imaginary is not None:
+        imaginary = np.asarray(file.node(block.imaginary)[index])
+        data, left = np.stack([data, imaginary], axis=-1), [*left, "iq"]
+    if data.dtype.names is not None:  # MATLAB 7.3 keeps complex numbers as (real, imag) records
+        data = data[data.dtype.names[0]] + 1j * data[data.dtype.names[1]]
+    if "snapshot" not in left:
+        data, left = data[None], ["snapshot", *left]
+    wanted = [axis for axis in ("snapshot", "sample", "iq") if axis in left]
+    data = np.transpose(data, [left.index(axis) for axis in wanted])
+    if data.dtype == np.int16 and "iq" in left:
+        return np.ascontiguousarray(data)
+    if "iq" in left:
+        data = data[..., 0] + 1j * data[..., 1]
+    return np.ascontiguousarray(data, dtype=np.complex64)

@@ -1,0 +1,168 @@
+"""A foreign HDF5 or MATLAB file, and the numbers a layout asks of it."""
+
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from erm.common.errors import DataError
+from sounder.recordings.layout import Reference
+from sounder.recordings.native import opened
+
+CHUNK_CACHE = 64 * 2**20
+"""Decompressed chunks that HDF5 keeps of each file being read [byte]."""
+
+
+@dataclass(frozen=True)
+class ForeignFile:
+    """Content of a file by name; ``label`` in the methods is the layout's key, for errors.
+
+    Attributes
+    ----------
+    path : Path
+    root : mapping
+        HDF5 file, or the variables of an older MATLAB file.
+    """
+
+    path: Path
+    root: Mapping[str, Any]
+
+    def node(self, name: str) -> Any:
+        """Dataset of that name; ``group/name`` in a group or in a MATLAB structure."""
+        node: Any = self.root
+        for part in name.strip("/").split("/"):
+            if isinstance(node, Mapping):
+                node = node.get(part)
+            elif isinstance(node, np.ndarray) and node.size == 1 and part in (node.dtype.names or ()):
+                node = node[part].item()
+            else:
+                node = None
+        if not isinstance(node, (h5py.Dataset, np.ndarray)):
+            raise DataError(f"{self.path}: no dataset {name}; the layout names it")
+        return node
+
+    def numbers(self, value: Any, label: str) -> NDArray[Any]:
+        """Numbers written in the layout, or what it refers to, without axes of length 1."""
+        if not isinstance(value, Reference):
+            return np.asarray(value)
+        name, found = self._referred(value)
+        if found.dtype.kind not in "biuf":
+            raise DataError(f"{self.path}: {label}: {name} holds no real numbers ({found.dtype})")
+        return found.squeeze()
+
+    def text(self, reference: Reference, label: str) -> str:
+        """One piece of text that the layout refers to."""
+        name, found = self._referred(reference)
+        if found.size != 1 or found.dtype.kind not in "OSU":
+            raise DataError(f"{self.path}: {label}: {name} holds no text ({found.dtype})")
+        text = found.item()
+        return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
+
+    def _referred(self, value: Reference) -> tuple[str, NDArray[Any]]:
+        """What a reference names in messages, and what stands there."""
+        if value.dataset is not None:
+            return value.dataset, np.asarray(self.node(value.dataset)[()])
+        attributes = getattr(self.root if value.of is None else self.node(value.of), "attrs", {})
+        if value.attribute not in attributes:
+            raise DataError(f"{self.path}: no attribute {value.attribute}; the layout names it")
+        return str(value.attribute), np.asarray(attributes[value.attribute])
+
+    def number(self, value: Any, label: str) -> float:
+        """One finite number."""
+        found = self.numbers(value, label)
+        if found.size != 1 or not np.isfinite(found).all():
+            raise DataError(f"{self.path}: {label} is {_short(found)}; expected one finite number")
+        return float(found)
+
+    def scale(self, value: Any, label: str) -> float:
+        """One positive number."""
+        found = self.number(value, label)
+        if found <= 0:
+            raise DataError(f"{self.path}: {label} is {found:g}; expected a positive number")
+        return found
+
+    def angles(self, value: Any, label: str) -> NDArray[np.float64]:
+        """List of finite numbers."""
+        found = np.atleast_1d(self.numbers(value, label)).astype(float)
+        if found.ndim != 1 or not found.size or not np.isfinite(found).all():
+            raise DataError(f"{self.path}: {label} is {_short(found)}; expected a list of finite angles")
+        return found
+
+    def lines_of_sight(self, value: Any, positions: int, label: str) -> list[int]:
+        """1, 0 or -1 for every position."""
+        found = self.numbers(value, label)
+        if found.shape not in ((), (positions,)):
+            raise DataError(f"{self.path}: {label} has shape {found.shape}; expected one number or {positions}")
+        if not np.isin(found, (-1, 0, 1)).all():
+            raise DataError(
+                f"{self.path}: {label} is {_short(found)}; expected 1 (line of sight), 0 (none) or -1 (not known)"
+            )
+        return [int(los) for los in np.broadcast_to(found, positions)]
+
+    def points(self, value: Any, positions: int, label: str) -> NDArray[np.float64]:
+        """One point for every position (position, xyz); what is not finite is left to who uses the position."""
+        found = self.numbers(value, label).astype(float)
+        if found.shape == (1, 3):
+            found = found[0]
+        if found.shape == (3, positions) and (positions != 3 or self._transposed(value)):
+            found = found.T
+        if found.shape not in ((3,), (positions, 3)):
+            raise DataError(f"{self.path}: {label} has shape {found.shape}; expected (3,) or ({positions}, 3) metres")
+        return np.broadcast_to(found, (positions, 3))
+
+    def _transposed(self, value: Any) -> bool:
+        """Whether HDF5 shows a dataset transposed, as MATLAB 7.3 saves it."""
+        if not isinstance(value, Reference) or value.dataset is None:
+            return False
+        return "MATLAB_class" in getattr(self.node(value.dataset), "attrs", {})
+
+
+@contextmanager
+def foreign_file(path: Path) -> Iterator[ForeignFile]:
+    """Open HDF5 lazily, older MATLAB files whole.
+
+    Raises
+    ------
+    DataError
+        No such file, or it is neither HDF5 nor MATLAB.
+    """
+    if path.suffix == ".mat" and path.is_file() and not h5py.is_hdf5(path):
+        yield ForeignFile(path, _matlab(path))
+    else:
+        with opened(path, "HDF5 as the layout tells, or MATLAB's format in a file named .mat") as file:
+            yield ForeignFile(path, file)
+
+
+def opener(path: Path) -> Callable[[], ForeignFile]:
+    """Opener of a file for all its positions; open while any of them lives.
+
+    A chunk often holds many directions, and the next call finds it in HDF5's cache.
+    """
+
+    @cache
+    def file() -> ForeignFile:
+        return ForeignFile(path, h5py.File(path, rdcc_nbytes=CHUNK_CACHE) if h5py.is_hdf5(path) else _matlab(path))
+
+    return file
+
+
+def _matlab(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        tables: dict[str, Any] = loadmat(path)
+    except (ValueError, TypeError, OSError, NotImplementedError, MatReadError, zlib.error) as error:
+        raise DataError(f"{path}: not a MATLAB file, or a damaged one ({error})") from None
+    return tables
+
+
+def _short(values: NDArray[Any]) -> str:
+    return str(values.tolist()) if values.size < 5 else f"an array {values.shape}"

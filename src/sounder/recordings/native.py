@@ -1,0 +1,233 @@
+"""The toolkit's own recording file: HDF5, one position a file."""
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from erm.common.errors import DataError
+from erm.common.storage import damaged, require_file
+from sounder.instrument.description import Sounder, parse
+from sounder.recordings.recording import BackToBack, Captures, Recording, check
+
+RECORDING = "sounder-to-map recording"
+BACK_TO_BACK = "sounder-to-map back-to-back"
+
+
+def kind_of(path: Path) -> str | None:
+    """Content of the attribute ``kind``, which tells a native file; None for any other HDF5 file."""
+    with opened(path) as file:
+        kind = file.attrs.get("kind")
+        return kind if isinstance(kind, str) else None
+
+
+@contextmanager
+def opened(path: Path, expected: str = "a file of this software") -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading; ``expected`` tells in errors what it should have been.
+
+    Raises
+    ------
+    DataError
+        No such file, or it is not HDF5.
+    """
+    require_file(path)
+    if not h5py.is_hdf5(path):
+        raise DataError(f"{path}: not an HDF5 file; expected {expected}")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise damaged(path, error) from None
+    with file:
+        yield file
+
+
+def what_else(path: Path) -> str | None:
+    """Other file of this software that stands where a recording should; None if it is none."""
+    if not h5py.is_hdf5(path):
+        return None
+    with opened(path) as file:
+        if file.attrs.get("kind") == BACK_TO_BACK:
+            return "back-to-back recording"
+        return "product of sounder process" if "mpc" in file and "daps" in file else None
+
+
+def is_format(path: Path) -> bool:
+    """Whether the file is a native recording."""
+    return path.is_file() and h5py.is_hdf5(path) and kind_of(path) == RECORDING
+
+
+def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
+    """Open a native recording; no sample is read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sounder : Sounder, optional
+        Replaces the description that the file holds.
+
+    Returns
+    -------
+    list of Recording
+        One.
+
+    Raises
+    ------
+    DataError
+        The file is not a native recording or does not fit its own description.
+    """
+    with opened(path) as file:
+        if file.attrs.get("kind") != RECORDING:
+            raise DataError(f"{path}: not a recording of this software; say how it is laid out with --layout FILE")
+        _require(file, path, ("iq", "azimuth", "elevation", "tx_position", "rx_position"))
+        iq = file["iq"]
+        shape = iq.shape
+        azimuth, elevation = (_rising(file, path, name) for name in ("azimuth", "elevation"))
+        directions = (azimuth.size, elevation.size)
+        if iq.ndim != 5 or iq.dtype != np.int16 or shape[4] != 2 or shape[:2] != directions:
+            raise DataError(
+                f"{path}: iq is {iq.dtype} {shape}; expected int16 "
+                f"({azimuth.size} azimuths, {elevation.size} elevations, snapshot, sample, 2)"
+            )
+        recording = Recording(
+            name=str(file.attrs.get("position", path.stem)),
+            source=path,
+            sounder=sounder or _description(file, path),
+            azimuth=azimuth,
+            elevation=elevation,
+            snapshots=shape[2],
+            tx_position=_sized(file, path, "tx_position", 3),
+            rx_position=_sized(file, path, "rx_position", 3),
+            scale_factor=_scale(iq, path),
+            agc_gain=_grid(file, path, "agc_gain", directions, 0.0),
+            valid=_grid(file, path, "valid", directions, 1.0) != 0,
+            los=int(file.attrs.get("los", -1)),
+            time=_grid(file, path, "time", directions, np.nan) if "time" in file else None,
+            read=_reader(path, iq),
+        )
+    check(recording, shape[3])
+    if not np.isfinite(recording.agc_gain[recording.valid]).all():
+        raise DataError(f"{path}: agc_gain is not finite in every recorded direction")
+    return [recording]
+
+
+def _rising(file: h5py.File, path: Path, name: str) -> NDArray[np.float64]:
+    values: NDArray[np.float64] = file[name][()].astype(float).reshape(-1)
+    if not values.size or not np.isfinite(values).all() or (np.diff(values) <= 0).any():
+        raise DataError(f"{path}: {name} does not rise; expected finite values in rising order")
+    return values
+
+
+def _sized(file: h5py.File, path: Path, name: str, size: int) -> NDArray[np.float64]:
+    values: NDArray[np.float64] = file[name][()].astype(float).reshape(-1)
+    if values.size != size:
+        raise DataError(f"{path}: {name} has {values.size} numbers; expected {size}")
+    return values
+
+
+def _grid(file: h5py.File, path: Path, name: str, shape: tuple[int, int], default: float) -> NDArray[np.float64]:
+    """Values of each direction; the default where the file holds none."""
+    values = file[name][()].astype(float) if name in file else np.full(shape, default)
+    if values.shape != shape:
+        raise DataError(f"{path}: {name} has shape {values.shape}; expected (azimuth, elevation), {shape}")
+    return values
+
+
+def _scale(iq: h5py.Dataset, path: Path) -> float:
+    scale = float(iq.attrs.get("scale_factor", np.nan))
+    if not 0 < scale < np.inf:
+        raise DataError(
+            f"{path}: iq has the attribute scale_factor {scale:g}; expected the positive amplitude of one LSB"
+        )
+    return scale
+
+
+def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Captures]:
+    """Map the captures asked for at their place in the file, if they lie in one piece; else read through HDF5.
+
+    Each call has a map of its own, so what has been read need not stay in memory.
+    """
+    offset = iq.id.get_offset() if iq.chunks is None and iq.dtype.isnative else None
+    shape = iq.shape
+    if offset is not None and path.stat().st_size < offset + iq.id.get_storage_size():
+        raise DataError(f"{path}: the file ends before its samples do; copy it again")
+
+    def mapped(a: int, e: int, snapshots: slice) -> Captures:
+        wanted = range(*snapshots.indices(shape[2]))
+        if not wanted:
+            return np.empty((0, *shape[3:]), np.int16)
+        first, last = min(wanted[0], wanted[-1]), max(wanted[0], wanted[-1])
+        capture = 2 * shape[3] * shape[4]
+        place = offset + ((a * shape[1] + e) * shape[2] + first) * capture
+        piece = np.memmap(path, np.int16, "r", place, (last - first + 1, *shape[3:]))
+        return piece if wanted.step == 1 else piece[:: wanted.step]
+
+    def read(a: int, e: int, snapshots: slice) -> Captures:
+        try:
+            with opened(path) as again:
+                captures: Captures = again["iq"][a, e, snapshots]
+                return captures
+        except OSError as error:
+            raise DataError(f"{path}: iq cannot be read ({error}); copy the file again") from None
+
+    return read if offset is None else mapped
+
+
+def back_to_back(path: Path) -> BackToBack:
+    """Read a native back-to-back file.
+
+    Raises
+    ------
+    DataError
+        The file is missing or is not a back-to-back recording.
+    """
+    with opened(path, "a back-to-back recording") as file:
+        if file.attrs.get("kind") != BACK_TO_BACK:
+            raise DataError(
+                f"{path}: not a back-to-back recording; make one with the attenuator in the antennas' place"
+            )
+        _require(file, path, ("iq",))
+        iq = file["iq"]
+        if iq.ndim != (2 if iq.dtype.kind == "c" else 3) or (iq.ndim == 3 and iq.shape[2] != 2):
+            raise DataError(f"{path}: iq is {iq.dtype} {iq.shape}; expected int16 (snapshot, sample, 2)")
+        attenuation = float(file.attrs.get("attenuation", np.nan))
+        if not np.isfinite(attenuation):
+            raise DataError(f"{path}: no attribute attenuation; expected the loss of the attenuator in dB")
+        return BackToBack(
+            source=path,
+            sounder=_description(file, path),
+            captures=iq[()],
+            scale_factor=_scale(iq, path),
+            attenuation=attenuation,
+            s21=_attenuator(file, path) if "attenuator_s21" in file else None,
+            includes_tx_antenna=bool(file.attrs.get("includes_tx_antenna", 0)),
+            title=str(file.attrs.get("title", BackToBack.title)),
+        )
+
+
+def _attenuator(file: h5py.File, path: Path) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    _require(file, path, ("attenuator_frequency",))
+    frequency, s21 = _rising(file, path, "attenuator_frequency"), file["attenuator_s21"][()]
+    if s21.shape != (frequency.size, 2):
+        raise DataError(f"{path}: attenuator_s21 has shape {s21.shape}; expected ({frequency.size}, 2)")
+    return frequency, s21 @ [1, 1j]
+
+
+def _require(file: h5py.File, path: Path, names: Iterable[str]) -> None:
+    absent = [name for name in names if name not in file]
+    if absent:
+        raise DataError(
+            f"{path}: no {', '.join(absent)} in the file; expected a recording as docs/formats.md describes"
+        )
+
+
+def _description(file: h5py.File, path: Path) -> Sounder:
+    try:
+        tables = json.loads(file.attrs["sounder"])
+    except (KeyError, ValueError):
+        raise DataError(f"{path}: no readable sounder description in the attribute sounder") from None
+    return parse(tables, f"{path}: attribute sounder")

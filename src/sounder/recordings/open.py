@@ -1,0 +1,50 @@
+"""Readers: one file a format; the native one here, others through entry points of the group ``sounder.readers``.
+
+A reader is a module with ``is_format(path) -> bool`` and ``recordings(path, sounder=None) -> list[Recording]``.
+Files that follow no known format are read by saying how they are laid out: :mod:`sounder.recordings.foreign`.
+"""
+
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from h5py import is_hdf5
+
+from erm.common.errors import DataError
+from erm.common.storage import require_file
+from sounder.instrument.description import Sounder
+from sounder.recordings import native
+from sounder.recordings.recording import Recording
+
+
+def open_recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
+    """Open a file in any format that a reader knows; no sample is read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sounder : Sounder, optional
+        Replaces the description that the file holds.
+
+    Returns
+    -------
+    list of Recording
+        One a position.
+
+    Raises
+    ------
+    DataError
+        No such file, or no reader knows it.
+    """
+    require_file(path)
+    for reader in (native, *(entry.load() for entry in entry_points(group="sounder.readers"))):
+        if reader.is_format(path):
+            found: list[Recording] = reader.recordings(path, sounder)
+            return found
+    if (what := native.what_else(path)) is not None:
+        raise DataError(f"{path}: is a {what}, not a recording")
+    if path.suffix != ".mat" and not is_hdf5(path):
+        raise DataError(
+            f"{path}: not an HDF5 file; expected a recording in HDF5, or in MATLAB's format with --layout FILE"
+        )
+    raise DataError(f"{path}: not a recording of a known format; say how it is laid out with --layout FILE")

@@ -1,0 +1,95 @@
+"""Writing the toolkit's own recording file, which `sounder.recordings.native` reads."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from erm.common.errors import DataError
+from erm.common.storage import atomic_path, provenance
+from sounder.recordings.native import BACK_TO_BACK, RECORDING
+from sounder.recordings.recording import BackToBack, Recording
+
+
+def write_recording(recording: Recording, target: Path, *, history: str) -> None:
+    """Write a recording as a native file, direction by direction.
+
+    Parameters
+    ----------
+    recording : Recording
+        From any reader or from the twin.
+    target : Path
+        The file; appears whole or not at all.
+    history : str
+        The step that made it.
+
+    Raises
+    ------
+    DataError
+        The captures are not int16, which the native file keeps them in.
+    """
+    inputs = [recording.source] if recording.source.is_file() else []
+    with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs.update(provenance(f"Raw captures of {recording.name}", history, inputs=inputs))
+        file.attrs["kind"] = RECORDING
+        file.attrs["position"] = recording.name
+        file.attrs["sounder"] = recording.sounder.model_dump_json()
+        file.attrs["frequency"] = recording.sounder.carrier.frequency
+        file.attrs["los"] = recording.los
+        grid = ("azimuth", "elevation")
+        _dataset(
+            file, "azimuth", ("azimuth",), recording.azimuth, "degree", "horn azimuth, counter-clockwise from east"
+        )
+        _dataset(file, "elevation", ("elevation",), recording.elevation, "degree", "horn elevation, above the horizon")
+        for end in ("tx", "rx"):
+            position = getattr(recording, f"{end}_position")[None]
+            _dataset(file, f"{end}_position", ("position", "xyz"), position, "m", f"{end.upper()} east, north, up")
+        _dataset(file, "agc_gain", grid, recording.agc_gain, "dB", "receiver gain over the back-to-back setting")
+        _dataset(file, "valid", grid, recording.valid.astype(np.int8), "1", "1 where the direction was recorded")
+        if recording.time is not None:
+            units = "seconds since 1970-01-01 00:00:00"
+            _dataset(file, "time", grid, recording.time, units, "time of the first snapshot")
+        samples = recording.sounder.waveform.samples
+        shape = (recording.azimuth.size, recording.elevation.size, recording.snapshots, samples, 2)
+        iq = file.create_dataset("iq", shape, np.int16)
+        _describe(iq, (*grid, "snapshot", "sample", "iq"), "mW0.5", "raw samples")
+        iq.attrs["scale_factor"] = recording.scale_factor
+        for a, e in np.argwhere(recording.valid):
+            captures = recording.captures(int(a), int(e))
+            if captures.dtype != np.int16:
+                raise DataError(
+                    f"{recording.source}: samples are {captures.dtype}; a native recording keeps int16: "
+                    "process the file with its layout instead"
+                )
+            iq[int(a), int(e)] = captures
+
+
+def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: Iterable[Path] = ()) -> None:
+    """Write a back-to-back recording as a native file, whole or not at all."""
+    with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs.update(provenance(b2b.title, history, inputs=inputs))
+        file.attrs["kind"] = BACK_TO_BACK
+        file.attrs["sounder"] = b2b.sounder.model_dump_json()
+        file.attrs["attenuation"] = b2b.attenuation
+        file.attrs["includes_tx_antenna"] = int(b2b.includes_tx_antenna)
+        _dataset(file, "iq", ("snapshot", "sample", "iq"), b2b.captures, "mW0.5", "raw samples")
+        file["iq"].attrs["scale_factor"] = b2b.scale_factor
+        if b2b.s21 is not None:
+            frequency, s21 = b2b.s21
+            parts = np.stack([s21.real, s21.imag], axis=-1)
+            _dataset(file, "attenuator_frequency", ("frequency",), frequency, "Hz", "frequency")
+            _dataset(file, "attenuator_s21", ("frequency", "part"), parts, "1", "attenuator S21, real and imaginary")
+
+
+def _dataset(file: h5py.File, name: str, dims: tuple[str, ...], data: NDArray[Any], units: str, long_name: str) -> None:
+    _describe(file.create_dataset(name, data=data), dims, units, long_name)
+
+
+def _describe(dataset: h5py.Dataset, dims: tuple[str, ...], units: str, long_name: str) -> None:
+    # Labels, no netCDF dimensions: the samples share their name with an axis, for which netCDF has no place.
+    for axis, label in enumerate(dims):
+        dataset.dims[axis].label = label
+    dataset.attrs.update({"units": units, "long_name": long_name})

@@ -1,0 +1,1 @@
+"""The twin of the instrument: from a scene to raw captures."""

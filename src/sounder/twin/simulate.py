@@ -1,0 +1,186 @@
+"""A scene to files: raw recordings, their back-to-back, and the truth they were made from."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from erm.common.errors import DataError
+from erm.common.storage import provenance, write_product
+from erm.maps.environment import Environment, Slab
+from erm.maps.materials import Material
+from erm.tracing.trace import trace
+from sounder import shipped
+from sounder.instrument.touchstone import read_s21
+from sounder.recordings.recording import BackToBack, Recording
+from sounder.recordings.writer import write_back_to_back, write_recording
+from sounder.twin.receiver import back_to_back, record
+from sounder.twin.scene import Receiver, Scene, Surroundings
+
+
+def environment_of(scene: Scene) -> Environment:
+    """Environment of a scene: read from the file it names, or made of what it draws.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, or a material is not known.
+    """
+    if scene.environment.file:
+        return Environment.read(scene.environment.file)
+    try:
+        return _built(scene.environment)
+    except DataError as error:
+        raise DataError(f"{scene.name}: environment: {error}") from None
+
+
+def _built(drawn: Surroundings) -> Environment:
+    pieces = [(segment, wall) for wall in drawn.walls for segment in wall.segments]
+    environment = Environment.walls(
+        np.array([segment for segment, _ in pieces]).reshape(-1, 2, 2),
+        base=[wall.base for _, wall in pieces],
+        top=[wall.top for _, wall in pieces],
+        material=np.array([wall.material for _, wall in pieces], dtype=str),
+        ground=drawn.ground and Slab(drawn.ground.height, drawn.ground.material),
+        ceiling=drawn.ceiling and Slab(drawn.ceiling.height, drawn.ceiling.material),
+        materials={name: Material.from_dict({"name": name} | given) for name, given in drawn.materials.items()},
+    )
+    if not drawn.poles:
+        return environment
+    return environment.with_poles(
+        [pole.position for pole in drawn.poles],
+        [pole.radius for pole in drawn.poles],
+        base=[pole.base for pole in drawn.poles],
+        top=[pole.top for pole in drawn.poles],
+        material=np.array([pole.material for pole in drawn.poles], dtype=str),
+    )
+
+
+def simulate(scene: Scene) -> Iterator[tuple[Recording, xr.Dataset]]:
+    """Simulate the positions of a scene one after the other.
+
+    Yields
+    ------
+    recording : Recording
+        Its captures are made when they are read.
+    paths : xarray.Dataset
+        Of `erm.tracing.trace.trace`: what the recording was made from.
+
+    Raises
+    ------
+    DataError
+        The environment cannot be read, or shows a position that should be in line of sight not to be, or the other
+        way round.
+    """
+    yield from _recorded(scene, _traced(scene, environment_of(scene)))
+
+
+def _traced(scene: Scene, environment: Environment) -> list[xr.Dataset]:
+    """Paths to each receiver: all that can contradict the scene is known before anything is recorded."""
+    frequency = scene.sounder.carrier.frequency
+    found = []
+    for receiver in scene.receivers:
+        tx = scene.transmitters[receiver.tx]
+        paths = trace(environment, tx, receiver.position, frequency, max_order=scene.max_order)
+        _require_sight(scene, receiver, paths)
+        found.append(paths)
+    return found
+
+
+def _recorded(scene: Scene, traced: Sequence[xr.Dataset]) -> Iterator[tuple[Recording, xr.Dataset]]:
+    for receiver, paths in zip(scene.receivers, traced, strict=True):
+        recording = record(
+            paths,
+            scene.sounder,
+            name=receiver.name,
+            tx_position=scene.transmitters[receiver.tx],
+            rx_position=receiver.position,
+            snapshots=scene.snapshots,
+            los=int(paths["los"].any()),
+            faults=scene.faults,
+            seed=scene.seed,
+        )
+        yield recording, paths
+
+
+def _require_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) -> None:
+    seen = bool(paths["los"].any())
+    if receiver.los is not None and receiver.los != seen:
+        states = {True: "in line of sight", False: "not in line of sight"}
+        raise DataError(
+            f"{scene.name}: {receiver.name} is {states[seen]} of {receiver.tx} in this environment, but its los says "
+            f"{states[receiver.los]}; move it, change the walls, or leave los out"
+        )
+
+
+def calibration_of(scene: Scene) -> BackToBack:
+    """Back-to-back recording of a scene's sounder through its attenuator.
+
+    Raises
+    ------
+    DataError
+        The attenuator's file cannot be read or does not cover the sounder's band.
+    """
+    attenuator = scene.attenuator
+    if isinstance(attenuator, float):
+        return back_to_back(scene.sounder, attenuator, faults=scene.faults, seed=scene.seed)
+    half = scene.sounder.bandwidth / 2
+    band = scene.sounder.carrier.frequency - half, scene.sounder.carrier.frequency + half
+    measured = read_s21(attenuator or shipped.calibration("attenuator-60db.s2p"), band=band)
+    return back_to_back(scene.sounder, measured, faults=scene.faults, seed=scene.seed)
+
+
+def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[], None] | None = None) -> list[Path]:
+    """Simulate a scene and write it.
+
+    ``out`` gets ``back-to-back.h5``, ``raw/NAME.h5`` for each position, ``truth/environment.geojson`` and
+    ``truth/paths.h5``: the paths of all positions on one dimension ``path``, with the variables of
+    `erm.tracing.trace.trace` and ``position``.
+
+    Parameters
+    ----------
+    scene : Scene
+        From `sounder.twin.scene.load_scene`.
+    out : path
+        Folder; made if it is not there.
+    progress : callable, optional
+        Called after each position.
+
+    Returns
+    -------
+    list of Path
+        The recordings, in the order of the scene.
+
+    Raises
+    ------
+    DataError
+        The scene contradicts its environment, or the folder cannot be written to.
+    """
+    out = Path(out)
+    history = f"sounder simulate {scene.name}"
+    environment, b2b = environment_of(scene), calibration_of(scene)
+    traced = _traced(scene, environment)
+    write_back_to_back(b2b, out / "back-to-back.h5", history=history)
+    drawn_in = [scene.environment.file] if scene.environment.file else []
+    environment.reflectors.attrs.update(provenance("Environment that was simulated", history, inputs=drawn_in))
+    environment.write(out / "truth" / "environment.geojson")
+    recordings: list[Path] = []
+    truth: list[xr.Dataset] = []
+    for recording, paths in _recorded(scene, traced):
+        target = out / "raw" / f"{recording.name}.h5"
+        write_recording(recording, target, history=history)
+        truth.append(paths.assign(position=("path", np.full(paths.sizes["path"], recording.name))))
+        recordings.append(target)
+        if progress is not None:
+            progress()
+    joined = xr.concat(truth, dim="path")
+    origin = provenance("Propagation paths of all positions, traced", history, options=_options(scene))
+    joined.attrs = origin | {"frequency": scene.sounder.carrier.frequency}
+    write_product({"/": joined}, out / "truth" / "paths.h5")
+    return recordings
+
+
+def _options(scene: Scene) -> dict[str, object]:
+    kept = {"snapshots", "seed", "max_order", "faults"}
+    return scene.model_dump(mode="json", include=kept)

@@ -1,0 +1,206 @@
+"""Exit codes, tables, complaints and progress, on a terminal and in a pipe."""
+
+import signal
+import sys
+from enum import StrEnum
+from typing import Annotated
+
+import pytest
+import typer
+from matplotlib.figure import Figure
+
+from erm.common import console
+from erm.common.errors import DataError, OptionError
+
+
+def exit_code(body, arguments=()) -> int:
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command()(body)
+    old, sys.argv = sys.argv, ["x", *arguments]
+    try:
+        with pytest.raises(SystemExit) as stop:
+            console.run(app)
+    finally:
+        sys.argv = old
+    return int(stop.value.code or 0)
+
+
+def test_all_done_is_0(capsys):
+    assert exit_code(lambda: None) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_data_error_is_one_line_and_1(capsys):
+    def body() -> None:
+        raise DataError("x.h5: broken; expected whole")
+
+    assert exit_code(body) == 1
+    assert capsys.readouterr().err == "x.h5: broken; expected whole\n"
+
+
+def test_wrong_usage_is_2(capsys):
+    assert exit_code(lambda: None, ["--unknown"]) == 2
+    assert "No such option" in capsys.readouterr().err
+
+
+def test_another_error_is_a_bug_and_shows():
+    def body() -> None:
+        raise ZeroDivisionError
+
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command()(body)
+    old, sys.argv = sys.argv, ["x"]
+    try:
+        with pytest.raises(ZeroDivisionError):
+            console.run(app)
+    finally:
+        sys.argv = old
+
+
+def test_complaints_go_to_stderr_and_exit_with_1(capsys):
+    console.complain([])
+    with pytest.raises(SystemExit) as stop:
+        console.complain(["one", "two"])
+    assert stop.value.code == 1
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == ("", "one\ntwo\n")
+
+
+def test_a_table_in_a_pipe_is_tab_separated(capsys):
+    console.show(["a", "b"], [(1, "x y"), (2.5, None)])
+    assert capsys.readouterr().out == "a\tb\n1\tx y\n2.5\tNone\n"
+
+
+def test_a_table_on_a_terminal_is_ruled(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    console.show(["a", "b"], [(1, "value")])
+    out = capsys.readouterr().out
+    assert "value" in out
+    assert "\t" not in out
+    assert len(out.splitlines()) > 3
+
+
+def test_progress_in_a_pipe_is_silent(capsys):
+    with console.progress("working", 2) as advance:
+        advance()
+        advance()
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == ("", "")
+
+
+def test_progress_on_a_terminal_goes_to_stderr(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with console.progress("working", 2) as advance:
+        advance()
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "working" in printed.err
+
+
+def test_a_figure_is_saved_whole_or_told(tmp_path):
+    figure = Figure(figsize=(1, 1))
+    console.save_figure(figure, tmp_path / "x.png")
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(DataError, match=r"x\.xyz: "):
+        console.save_figure(figure, tmp_path / "x.xyz")
+    assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_a_figure_saved_twice_is_the_same_bytes_without_a_date(tmp_path, suffix):
+    figure = Figure(figsize=(1, 1))
+    line = figure.add_subplot().plot([0, 1])[0]
+    line.set_clip_path(figure.patch)  # an SVG names it
+    for name in ("one", "two"):
+        console.save_figure(figure, tmp_path / name / f"x.{suffix}")
+    first, second = ((tmp_path / name / f"x.{suffix}").read_bytes() for name in ("one", "two"))
+    assert first == second
+    assert b"CreationDate" not in first  # two in the same second would be the same
+    assert b"<dc:date>" not in first
+
+
+def test_an_interrupt_that_a_library_swallows_is_raised_at_the_next_step(capsys):
+    steps = []
+
+    def body() -> None:
+        with console.progress("working", 3) as advance:
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                steps.append("swallowed")  # as by a callback out of compiled code
+            steps.append("first")
+            advance()
+            steps.append("second")
+
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        assert exit_code(body) == console.INTERRUPTED
+        assert exit_code(lambda: None) == 0  # it is told once
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert steps == ["swallowed", "first"]
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_an_interrupt_that_the_interpreter_loses_is_raised_at_the_next_step(capsys):
+    class Leaving:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    def body() -> None:
+        with console.progress("working", 1) as advance:
+            Leaving()
+            advance()
+
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        assert exit_code(body) == console.INTERRUPTED
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().err == "interrupted; what was finished is whole, the rest is not there\n"
+
+
+def test_a_wrong_option_is_one_line_and_2(capsys):
+    def body() -> None:
+        raise OptionError("--x is nan; expected a number")
+
+    assert exit_code(body) == 2
+    assert capsys.readouterr().err == "--x is nan; expected a number\n"
+
+
+class Colour(StrEnum):
+    red = "red"
+    green = "green"
+
+
+def coloured(
+    size: Annotated[float, typer.Option(min=0.0)] = 1.0,
+    count: Annotated[int, typer.Option()] = 1,
+    colour: Annotated[Colour, typer.Option()] = Colour.red,
+    place: Annotated[tuple[float, float], typer.Option()] = (0.0, 0.0),
+) -> None:
+    """Take options of all kinds."""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--size", "-2"], ["--size", "-2", "0"]),
+        (["--size", "nan"], ["--size", "nan", "0"]),
+        (["--size", "large"], ["--size", "'large'"]),
+        (["--count", "2.5"], ["--count", "2.5"]),
+        (["--colour", "blue"], ["--colour", "'blue'", "'red', 'green'"]),
+        (["--place", "3"], ["--place", "requires 2"]),
+        (["--place", "3,4", "--size", "-6"], ["No such option: -6", "parted by spaces"]),
+        (["--place", "1", "2", "-3"], ["No such option: -3", "parted by spaces"]),
+        (["--colours", "red"], ["No such option", "--colour"]),
+    ],
+)
+def test_wrong_usage_is_one_line_with_what_was_found(capsys, arguments, said):
+    assert exit_code(coloured, arguments) == console.WRONG_USAGE
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "Value error" not in err
+    for part in said:
+        assert part in err

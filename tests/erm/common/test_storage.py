@@ -1,0 +1,208 @@
+"""Files appear whole or not at all, and say where they came from."""
+
+import hashlib
+import json
+import os
+import stat
+import sys
+import threading
+from pathlib import Path
+
+import h5netcdf
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from erm import __version__
+from erm.common.errors import DataError
+from erm.common.storage import atomic_path, open_group, provenance, sha256, write_product
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_file_takes_its_place_when_it_is_whole(tmp_path):
+    target = tmp_path / "new" / "x.txt"
+    with atomic_path(target) as temporary:
+        assert temporary.parent == target.parent
+        assert temporary.suffix == ".txt"
+        temporary.write_text("whole")
+        assert not target.exists()
+    assert target.read_text() == "whole"
+    assert names(target.parent) == ["x.txt"]
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_a_file_that_fails_leaves_the_old_one_and_nothing_else(tmp_path, error):
+    target = tmp_path / "x.txt"
+    target.write_text("old")
+
+    def fail() -> None:
+        with atomic_path(target) as temporary:
+            temporary.write_text("half")
+            raise error
+
+    with pytest.raises(error):
+        fail()
+    assert target.read_text() == "old"
+    assert names(tmp_path) == ["x.txt"]
+
+
+def test_a_file_is_on_disk_before_it_has_its_name(tmp_path, monkeypatch):
+    order = []
+    fsync, replace = os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda fd: (order.append("fsync"), fsync(fd))[1])
+    monkeypatch.setattr(os, "replace", lambda a, b: (order.append("replace"), replace(a, b))[1])
+    with atomic_path(tmp_path / "x") as temporary:
+        temporary.write_text("x")
+    assert order[:2] == ["fsync", "replace"]
+
+
+def test_a_folder_that_cannot_be_is_told(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    told = pytest.raises(DataError, match="file: is a file; choose a folder to write into")
+    with told, atomic_path(tmp_path / "file" / "x.txt"):
+        pass
+    told = pytest.raises(DataError, match=r"x\.txt: cannot be written \(.*\); choose a writable folder")
+    with told, atomic_path(tmp_path / "file" / "folder" / "x.txt"):
+        pass
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission_is_told(tmp_path):
+    tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    try:
+        with pytest.raises(DataError, match="cannot be written"), atomic_path(tmp_path / "x"):
+            pass
+    finally:
+        tmp_path.chmod(stat.S_IRWXU)
+
+
+def test_a_changed_file_has_another_sum(tmp_path):
+    path = tmp_path / "x"
+    path.write_bytes(b"one")
+    assert sha256(path) == hashlib.sha256(b"one").hexdigest()
+    path.write_bytes(b"other")
+    assert sha256(path) == hashlib.sha256(b"other").hexdigest()
+
+
+def test_provenance_names_software_inputs_and_options_and_no_time(tmp_path):
+    (tmp_path / "in.h5").write_bytes(b"input")
+    first = provenance("Title", "a step", inputs=[tmp_path / "in.h5"], options={"b": 1, "a": tmp_path})
+    assert first == provenance("Title", "a step", inputs=[tmp_path / "in.h5"], options={"a": tmp_path, "b": 1})
+    assert first["Conventions"].startswith("CF-")
+    assert (first["title"], first["history"], first["software_version"]) == ("Title", "a step", __version__)
+    assert __version__ in first["source"]
+    assert json.loads(first["input_sha256"]) == {"in.h5": hashlib.sha256(b"input").hexdigest()}
+    assert json.loads(first["processing_options"]) == {"a": str(tmp_path), "b": 1}
+
+
+def groups(seed: int = 1) -> dict[str, xr.Dataset]:
+    rng = np.random.default_rng(seed)
+    path = ("path", rng.random(3), {"units": "s"})
+    cir = (("azimuth", "delay"), (rng.random((2, 5)) + 1j * rng.random((2, 5))).astype(np.complex64))
+    return {
+        "/": xr.Dataset({"x": path}, attrs={"title": "T"}),
+        "/none": xr.Dataset({"delay": ("mpc", np.zeros(0))}),
+        "/cir": xr.Dataset({"cir": cir}),
+    }
+
+
+def test_a_product_comes_back_group_by_group(tmp_path):
+    write_product(groups(), tmp_path / "p.h5")
+    for name, dataset in groups().items():
+        xr.testing.assert_identical(open_group(tmp_path / "p.h5", name), dataset)
+
+
+def test_the_same_groups_are_the_same_bytes(tmp_path):
+    for name in ("a.h5", "b.h5"):
+        write_product(groups(), tmp_path / name)
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+    write_product(groups(seed=2), tmp_path / "b.h5")
+    assert (tmp_path / "a.h5").read_bytes() != (tmp_path / "b.h5").read_bytes()
+
+
+def test_a_thread_that_looks_on_changes_no_byte(tmp_path):
+    """dask's workers sample what their threads are doing, which keeps Python's objects alive a moment longer."""
+    stop = threading.Event()
+
+    def sample():
+        frames = sys._current_frames()
+        while not stop.wait(5e-4):
+            frames = sys._current_frames()
+        frames.clear()
+
+    coordinates = {"azimuth": [0.0, 10.0], "delay": np.arange(5.0), "name": ("position", ["RX1"])}
+    scan = {"/": groups()["/cir"].assign_coords(coordinates), **{f"/{i}": groups()["/"] for i in range(5)}}
+    watcher = threading.Thread(target=sample)
+    watcher.start()
+    try:
+        for number in range(20):
+            write_product(scan, tmp_path / f"{number}.h5")
+    finally:
+        stop.set()
+        watcher.join()
+    assert len({(tmp_path / f"{number}.h5").read_bytes() for number in range(20)}) == 1
+
+
+def test_a_product_has_the_dimensions_of_netcdf(tmp_path):
+    """Scales with the names that the netCDF library looks for, attached to every axis."""
+    write_product({"/": groups()["/cir"].assign_coords(azimuth=[0.0, 10.0])}, tmp_path / "p.h5")
+    with h5py.File(tmp_path / "p.h5") as file:
+        assert [axis[0].name for axis in file["cir"].dims] == ["/azimuth", "/delay"]
+        assert file["azimuth"].attrs["CLASS"] == b"DIMENSION_SCALE"
+        assert file["azimuth"].attrs["NAME"] == b"azimuth"
+        # the text and the size, %10d, that the format prescribes for a dimension without coordinates
+        assert file["delay"].attrs["NAME"] == b"This is a netCDF dimension but not a netCDF variable.         5"
+    with h5netcdf.File(tmp_path / "p.h5") as file:
+        assert {name: dimension.size for name, dimension in file.dimensions.items()} == {"azimuth": 2, "delay": 5}
+        assert list(file.variables) == ["azimuth", "cir"]
+
+
+def test_a_product_that_cannot_be_written_whole_is_not_there(tmp_path):
+    spoiled = {**groups(), "/bad": xr.Dataset({"x": ("y", np.array([object()]))})}
+    with pytest.raises((TypeError, ValueError)):
+        write_product(spoiled, tmp_path / "p.h5")
+    assert names(tmp_path) == []
+
+
+def test_a_product_is_closed_after_reading(tmp_path):
+    write_product(groups(), tmp_path / "p.h5")
+    loaded = open_group(tmp_path / "p.h5")
+    (tmp_path / "p.h5").unlink()
+    assert loaded["x"].values.size == 3
+
+
+@pytest.mark.parametrize(
+    ("content", "group", "told"),
+    [
+        (None, "/", "no such file"),
+        (b"text", "/", "not an HDF5 file; expected a product of this software"),
+        (b"", "/", "is empty; make or copy it anew"),
+        ("product", "/mpc", "holds cir, none, path, x and no group /mpc; expected a product of this software"),
+        ("captures", "/mpc", "holds raw captures and no group /mpc; process them first"),
+    ],
+)
+def test_what_is_no_product_is_told(tmp_path, content, group, told):
+    path = tmp_path / "p.h5"
+    if content == "product":
+        write_product(groups(), path)
+    elif content == "captures":
+        write_product({"/": xr.Dataset({"iq": ("sample", np.zeros(3))})}, path)
+    elif content is not None:
+        path.write_bytes(content)
+    with pytest.raises(DataError) as error:
+        open_group(path, group)
+    assert str(error.value) == f"{path}: {told}"
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_a_part_of_a_product_is_told(tmp_path, share):
+    whole, part = tmp_path / "whole.h5", tmp_path / "part.h5"
+    write_product(groups(), whole)
+    content = whole.read_bytes()
+    part.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(DataError, match=rf"^{part}: damaged HDF5 file \(.*\); make or copy it anew$"):
+        open_group(part)

@@ -1,0 +1,141 @@
+"""Chains of bounces say where the walls stand that they met."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.constants import c
+
+from erm.geometry.vertical import angle_difference, mirrored
+from erm.mpcs.selection import select
+from erm.reconstruction import reconstruct as module
+from erm.reconstruction.decision.adjust import Chains, fitted, predicted, shared
+from erm.reconstruction.model.line import Lines
+from erm.reconstruction.model.loss import reflection_loss
+from erm.reconstruction.reconstruct import reconstruct
+
+from ..bounces import FREQUENCY, bounces, joined, paths_of
+
+TX = np.array([-40.0, 2.0, 12.0])
+STREET = np.array([[90.0, -9.0], [270.0, -10.0]])  # y = -9 and y = 10, seen from between
+ORDERS = [(0,), (1,), (0, 1), (1, 0), (0, 1, 0), (1, 0, 1)]
+
+
+def street(delay_std, azimuth_std, seed, orders=ORDERS, count=8):
+    """Paths along a street that its two sides, of a refractive index of 2, reflect once, twice and thrice."""
+    rng = np.random.default_rng([seed, 1])
+    rx = np.column_stack([np.linspace(-15, 45, count), rng.uniform(-6, 7, count), np.full(count, 1.5)])
+    tx = np.tile(TX, (count, 1))
+    parts = []
+    for chain in orders:
+        part = bounces(tx, rx, *STREET[list(chain)])
+        across = np.sin(np.deg2rad(part["azimuth"])) * np.cos(np.arcsin(10.5 / (c * part["delay"])))
+        loss = len(chain) * reflection_loss(4.0, np.abs(across))  # both sides are met at one angle
+        parts.append(part | {"path_gain": bounces(tx, rx, *STREET[list(chain)], loss=loss)["path_gain"]})
+    table = joined(parts, delay_std, azimuth_std, seed)
+    table["delay_std"][:], table["azimuth_std"][:] = max(delay_std, 1e-12), max(azimuth_std, 0.01)
+    return table
+
+
+def errors_and_chi2(environment):
+    """Errors (wall, 2) of (normal, offset) and chi-squared (wall,) of both."""
+    table = environment.reflectors
+    normal, offset, covariance = (table[name].values for name in ("normal", "offset", "covariance"))
+    _, first = np.unique(normal, return_index=True)
+    true = STREET[[int(np.argmin(np.abs(angle_difference(STREET[:, 0], normal[i])))) for i in first]]
+    error = np.column_stack([angle_difference(normal[first], true[:, 0]), offset[first] - true[:, 1]])
+    return error, np.einsum("wi,wij,wj->w", error, np.linalg.inv(covariance[first]), error)
+
+
+@pytest.mark.parametrize("chain", [(0,), (1, 0), (0, 1, 2), (2, 0, 2)])
+def test_slopes_of_a_chain_are_those_of_its_prediction(chain):
+    values = np.array([[88.0, -9.0], [272.0, -10.0], [171.0, -50.0]])
+    pivot = np.array([[3.0, -9.0], [-2.0, 9.0], [50.0, 1.0]])
+    rx = np.array([[20.0, 3.0, 1.5]])
+
+    def at(step=0.0, wall=0, parameter=0):
+        moved = values.copy()
+        moved[wall, parameter] += step
+        return predicted(TX[None], rx, np.array([chain]), Lines(moved[:, 0], moved[:, 1], np.zeros((3, 2, 2)), pivot))
+
+    for wall in set(chain):
+        met = np.array(chain) == wall
+        for parameter in range(2):
+            up, down = at(1e-4, wall, parameter), at(-1e-4, wall, parameter)
+            slope = at().length_slope[0, met, parameter].sum(), at().azimuth_slope[0, met, parameter].sum()
+            # central differences of 1e-4: their own error is of the order 1e-8
+            assert slope[0] == pytest.approx((up.length[0] - down.length[0]) / 2e-4, abs=1e-6)
+            turned = float(angle_difference(up.azimuth[0], down.azimuth[0])) / 2e-4
+            assert slope[1] == pytest.approx(turned, abs=1e-6)
+
+
+def test_exact_chains_leave_exact_walls_and_say_what_they_are():
+    environment, merged = reconstruct(select(street(0.0, 0.0, 0)), max_gap=np.inf)
+    error, _ = errors_and_chi2(environment)
+    assert np.abs(error).max() < 1e-6
+    single = np.arange(merged.sizes["mpc"]) < 16
+    assert merged["accepted"].values.tolist() == single.tolist()
+    assert set(merged["reason"].values[~single]) == {"bounced more than once, off other walls"}
+
+
+def test_chains_make_walls_better_and_their_covariance_stays_honest():
+    with_chains, without, chi2 = [], [], []
+    for seed in range(40):
+        environment, _ = reconstruct(select(street(1e-10, 0.5, seed)), max_gap=np.inf)
+        error, one = errors_and_chi2(environment)
+        chi2 += one.tolist()
+        with_chains += error[:, 1].tolist()
+        environment, _ = reconstruct(select(street(1e-10, 0.5, seed, ORDERS[:2])), max_gap=np.inf)
+        without += errors_and_chi2(environment)[0][:, 1].tolist()
+    # three bounces meet the sides of the street three times as steeply as one; 80 errors tell a spread to 8 %
+    assert np.std(with_chains) < 0.6 * np.std(without)
+    # mean of 80 chi-squared values of 2 degrees of freedom, those of a draw not independent: 2 +- 0.32 at most
+    assert np.mean(chi2) == pytest.approx(2, abs=3 * 0.32)
+
+
+@pytest.mark.parametrize(("common", "least", "most"), [(0.0, 1.0, 1.0), (0.05, 2.5, 8.0)])
+def test_errors_that_a_link_shares_are_not_averaged(common, least, most):
+    # 30 links of 6 paths, 3 cm of error of each length and 5 cm of all of a link: their pulls add up
+    rng = np.random.default_rng(8)
+    count = 30
+    rx = np.column_stack([np.linspace(-15, 45, count), rng.uniform(-6, 7, count), np.full(count, 1.5)])
+    lines = Lines(STREET[:, 0], STREET[:, 1], np.zeros((2, 2, 2)), np.zeros((2, 2)))
+    late = common * rng.standard_normal(count)
+    sets = []
+    for chain in ORDERS:
+        paths = paths_of(bounces(np.tile(TX, (count, 1)), rx, *STREET[list(chain)]), length_std=0.03, azimuth_std=0.5)
+        error = late + 0.03 * rng.standard_normal(count)
+        turned = paths.azimuth + 0.5 * rng.standard_normal(count)
+        sets.append(Chains(replace(paths, length=paths.length + error, azimuth=turned), np.tile(chain, (count, 1))))
+    found, covariance = fitted(sets, lines)
+    # lengths that all have the same sign of a slope would make it 1 + 6 (5 / 3)**2 = 18; azimuths share nothing
+    assert least <= shared(sets, found, covariance) <= most
+
+
+def test_where_as_many_paths_would_be_chains_by_chance_none_is(monkeypatch):
+    # 200 paths from nowhere a link and wide errors: each chain has some in its gate, and as many about it
+    rng = np.random.default_rng(3)
+    table = street(3e-10, 3.0, 3, ORDERS[:2])
+    stray = street(3e-10, 3.0, 4, [(0, 1)] * 200)
+    direct = np.linalg.norm(stray["tx_position"].values - stray["rx_position"].values, axis=-1)
+    stray["delay"][:] = (direct + rng.uniform(2, 60, len(direct))) / c
+    stray["azimuth"][:] = rng.uniform(0, 360, len(direct))
+    free_space = 20 * np.log10(c / FREQUENCY / (4 * np.pi * stray["delay"].values * c))
+    stray["path_gain"][:] = free_space - rng.uniform(10, 40, len(direct))
+    both = select(xr.concat([table, stray], dim="mpc"))
+    crowded, _ = reconstruct(both, max_gap=np.inf)
+    monkeypatch.setattr(module, "adjusted", lambda walls, paths, gap: (list(walls), np.empty(0, dtype=np.int64)))
+    alone, _ = reconstruct(both, max_gap=np.inf)
+    assert alone.reflectors.sizes["reflector"] >= 2
+    np.testing.assert_array_equal(crowded.reflectors["offset"], alone.reflectors["offset"])
+
+
+def test_images_of_two_walls_are_images_of_images():
+    # what `predicted` says of a double bounce, told by hand
+    image = mirrored(mirrored(TX[:2], *STREET[0]), *STREET[1])
+    rx = np.array([[20.0, 3.0, 1.5]])
+    lines = Lines(STREET[:, 0], STREET[:, 1], np.zeros((2, 2, 2)), np.zeros((2, 2)))
+    found = predicted(TX[None], rx, np.array([[0, 1]]), lines)
+    level = np.linalg.norm(image - rx[0, :2])
+    assert found.length[0] == pytest.approx(np.hypot(level, 10.5))

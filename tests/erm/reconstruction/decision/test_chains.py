@@ -1,0 +1,70 @@
+"""Chains of bounces share an image as paths off a wall do, and are told from walls."""
+
+import numpy as np
+import pytest
+
+from erm.mpcs.selection import select
+from erm.reconstruction.decision.multi_bounce import composed_of, mirror_of
+from erm.reconstruction.model.fit import fit_line
+from erm.reconstruction.model.line import seed_line
+from erm.reconstruction.model.wall import Wall
+from erm.reconstruction.reconstruct import reconstruct
+
+from ..bounces import TX, WALLS, bounces, joined, paths_of, route, scene, sorted_lines
+
+
+def wall_of(columns, loss=6.0):
+    paths = paths_of(columns, loss=loss)
+    everything = np.arange(len(paths))
+    return Wall(paths, fit_line(paths, seed_line(paths.take(everything[:1]))), everything)
+
+
+def test_two_bounces_are_known_by_the_image_of_the_image():
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    south, north = WALLS[0], WALLS[2]
+    mirrors = [mirror_of(wall_of(bounces(tx, rx, wall)), 60.0) for wall in (south, north)]
+    both = bounces(tx, rx, south, north)
+    assert composed_of(wall_of(both, loss=12.0), mirrors)
+    assert not composed_of(wall_of(both, loss=12.0), mirrors[:1])
+    assert not composed_of(wall_of(both, loss=1.0), mirrors)  # two bounces lose what both walls lose
+    assert not composed_of(wall_of(bounces(tx, rx, WALLS[1]), loss=12.0), mirrors)
+
+
+@pytest.mark.parametrize("chain", [(0, 3), (3, 0), (0, 2), (1, 0)])
+def test_double_bounces_agree_on_a_wall_that_is_not_there_and_are_struck_out(chain):
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    singles = [bounces(tx, rx, wall, loss=5.0) for wall in WALLS]
+    doubles = bounces(tx, rx, *(WALLS[i] for i in chain), loss=10.0)
+    table = joined([*singles, doubles], 1e-10, 0.5)
+    environment, merged = reconstruct(select(table), max_gap=np.inf)
+    assert environment.reflectors.sizes["reflector"] == len(WALLS)
+    assert not merged["accepted"].values[-len(rx) :].any()
+
+
+def test_both_orders_of_a_double_bounce_give_a_hidden_wall_away():
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    known, hidden = WALLS[0], WALLS[1]
+    parts = [bounces(tx, rx, known, loss=5.0), bounces(tx[:5], rx[:5], known, hidden, loss=10.0)]
+    parts.append(bounces(tx[5:10], rx[5:10], hidden, known, loss=10.0))
+    environment, merged = reconstruct(select(joined(parts, 1e-10, 0.5)), max_gap=np.inf)
+    assert sorted_lines(environment)[:, 0] == pytest.approx([known[0]], abs=1)
+    assert not merged["accepted"].values[len(rx) :].any()
+
+
+def test_a_bounce_off_wall_and_ground_makes_no_second_wall():
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    echo = bounces(tx, rx, WALLS[1], loss=11.0, height=tx[:, 2] + rx[:, 2])
+    table = joined([bounces(tx, rx, WALLS[1], loss=5.0), echo], 1e-10, 0.5)
+    environment, _ = reconstruct(select(table, delay_window=1e-9), max_gap=np.inf)
+    assert environment.reflectors.sizes["reflector"] == 1
+
+
+def test_a_wall_hidden_behind_another_is_not_believed():
+    walls = np.array([[90.0, -50.38], [90.0, -53.38]])
+    environment, merged = reconstruct(select(scene(walls, TX[:1], route(24))), max_gap=np.inf)
+    np.testing.assert_allclose(environment.reflectors["offset"], [-50.38], atol=1e-3)
+    assert "wall would stand in the way of other paths" in merged["reason"].values

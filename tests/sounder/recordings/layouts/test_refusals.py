@@ -1,0 +1,135 @@
+"""A file that is not as its layout says, and a layout that is none, are told in one line."""
+
+import numpy as np
+import pytest
+
+from erm.common.errors import DataError
+from sounder.recordings import foreign
+from sounder.recordings import layout as layouts
+
+from .captures import IQ, PLAIN, POSITIONS, change
+
+
+@pytest.mark.parametrize(
+    ("layout", "told"),
+    [
+        (change('"raw"', '"samples"'), "no dataset samples; the layout names it"),
+        (change('"raw"', '"group"'), "no dataset group; the layout names it"),
+        (change("2e-7", '{ attribute = "lsb" }'), "no attribute lsb; the layout names it"),
+        (change("2e-7", '{ dataset = "text" }'), "scale_factor: text holds no real numbers"),
+        (change("2e-7", '{ dataset = "wrong" }'), "scale_factor is an array (5,); expected one finite number"),
+        (change("2e-7", "0.0"), "scale_factor is 0; expected a positive number"),
+        (change(', "iq"', ""), "raw has 6 axes (2, 4, 3, 3, 254, 2); the layout names 5: position"),
+        (change('"sample", "iq"', '"iq", "sample"'), "axis iq of raw has length 254; expected 2 (I, Q)"),
+        (
+            change("[10, 100, 190, 280]", "[10, 100, 190]"),
+            "4 captures along azimuth, but the grid has 3 values; raw is (2, 4, 3, 3, 254, 2), read as position, "
+            "azimuth, elevation, snapshot, sample, iq; captures.axes must name the axes in",
+        ),
+        (
+            change('"snapshot", "sample"', '"sample", "snapshot"'),
+            "3 samples a capture, but the sequence has 254; raw is",
+        ),
+        (change("[10, 100, 190, 280]", "[10, 100, 190, 370]"), "the grid names a direction twice"),
+        (change("[10, 100, 190, 280]", '{ dataset = "nan" }'), "grid.azimuth is [0.0, nan, 0.0, 0.0]; expected"),
+        (change("[-9, 0, 9]", "[81, 90, 99]"), "grid.elevation leaves -90..90 degree above the horizon"),
+        (change(", [32, -50, 1.5]", ""), None),
+        (
+            change("[32, -50, 1.5]", "[32, -50, 1.5], [1, 2, 3]"),
+            "positions.rx has shape (3, 3); expected (3,) or (2, 3)",
+        ),
+        (
+            change("[positions]", "[positions]\nlos = 5"),
+            "positions.los is 5; expected 1 (line of sight), 0 (none) or -1",
+        ),
+        (
+            change("[positions]", '[positions]\nlos = { dataset = "wrong" }'),
+            "positions.los has shape (5,); expected one number or 2",
+        ),
+        (
+            'agc_gain = { dataset = "wrong" }' + PLAIN,
+            "agc_gain has shape (5,); expected one number, one a position, or (2, 4, 3) along the captures' axes",
+        ),
+        (
+            'time = { dataset = "agc_nan" }' + PLAIN,
+            "time holds values that are not finite",
+        ),
+        (
+            PLAIN + "[sounder.waveform]\norder = 8\n",
+            "the layout's [sounder]: waveform: polynomial is [7, 1, 0]; expected falling exponents from 8",
+        ),
+        (PLAIN + "[sounder.waveform]\nchirp = 8\n", "the layout's [sounder]: waveform.chirp: unknown key"),
+        (PLAIN + '[sounder]\nname = { dataset = "raw" }\n', "sounder: name: raw holds no text (int16)"),
+        (PLAIN + '[sounder.carrier]\nfrequency = { of = "raw" }\n', "frequency: a reference names either a dataset or"),
+        (PLAIN + '[back_to_back]\ndataset = "b"\naxes = ["sample"]\nattenuation = 60\n', "no dataset b;"),
+        (
+            PLAIN + '[back_to_back]\ndataset = "wrong"\naxes = ["sample"]\nattenuation = 60\n',
+            "wrong is float64; real numbers need the axis iq or a dataset named as imaginary, complex ones neither",
+        ),
+    ],
+)
+def test_a_file_that_is_not_as_the_layout_says_is_told_in_one_line(opened, layout, told):
+    content = {"raw": IQ, "group/x": 1, "text": "abc", "wrong": np.zeros(5), "nan": [0, np.nan, 0, 0]}
+    content["agc_nan"] = np.full((2, 4, 3), np.nan)
+    if told is None:  # one point serves all positions
+        assert len(opened(content, layout)[0]) == POSITIONS
+        return
+    with pytest.raises(DataError) as error:
+        opened(content, layout)
+    assert told in str(error.value)
+    assert "foreign.h5: " in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_samples_that_do_not_fit_the_description_are_told(opened):
+    found, _ = opened({"raw": IQ[..., :250, :]}, PLAIN)
+    assert all("250 samples a capture, but 132 GHz rotating-horn sounder describes 254" in str(r) for r in found)
+
+
+@pytest.mark.parametrize(
+    ("layout", "told"),
+    [
+        (change("[grid]", "[grid]\ncolour = 1"), "grid.colour: unknown key"),
+        (change('"iq"]', '"iq", "iq"]'), "captures: axes names one axis twice"),
+        (change('"sample"', '"samples"'), "captures.axes.4 is 'samples'; expected 'position', 'azimuth'"),
+        (change('"sample", ', ""), "captures: axes does not name sample"),
+        (change('"position"', '"direction"'), "captures: axes names direction as well as azimuth or elevation"),
+        (
+            change('"raw"', '"raw"\nimaginary = "q"'),
+            "captures: axes names iq, but I and Q stand in datasets of their own",
+        ),
+        (change("2e-7", "{}"), "scale_factor: found {}; expected a number, { dataset"),
+        (change("2e-7", "nan"), "scale_factor: found nan; expected a number"),
+        (
+            change("tx = [0, 0, 28.4]", "tx = [0, 0]"),
+            "positions.tx: found [0, 0]; expected three numbers, a list of such",
+        ),
+        (change("tx = [0, 0, 28.4]\n", ""), "positions.tx: missing"),
+        (change("[positions]", '[positions]\nname = "RX{place}"'), "positions: name is"),
+        (
+            PLAIN + '[back_to_back]\ndataset = "b"\naxes = ["azimuth", "sample"]\nattenuation = 60\n',
+            "back_to_back: axes of the back-to-back names azimuth",
+        ),
+        ("captures = ", "not TOML"),
+    ],
+)
+def test_a_layout_that_is_none_is_told_in_one_line(tmp_path, layout, told):
+    path = tmp_path / "layout.toml"
+    path.write_text(layout, encoding="utf-8")
+    with pytest.raises(DataError) as error:
+        layouts.load(path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"), [("x.mat", b"not MATLAB at all"), ("x.dat", b"something"), ("y.mat", None)]
+)
+def test_files_that_are_none_are_told(tmp_path, sounder, name, content):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    (tmp_path / "layout.toml").write_text(PLAIN, encoding="utf-8")
+    with pytest.raises(DataError, match=r"not a MATLAB file|not an HDF5 file|no such file"):
+        foreign.recordings(path, layouts.load(tmp_path / "layout.toml"), sounder)
