@@ -1,19 +1,68 @@
-"""TOML files: read, and what is wrong with them in one line."""
+"""TOML files: how they are read, what all their tables have in common, and one line for what is wrong with them."""
 
 import tomllib
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, Self, get_args
 
-from pydantic import BaseModel, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 
 from erm.common.errors import DataError
 from erm.common.usage import shortened, wrong
 
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+def _beside(path: Path, info: ValidationInfo[Any]) -> Path:
+    return path if info.context is None else Path(info.context).parent / path
+
+
+RelativePath = Annotated[Path, AfterValidator(_beside)]
+"""A file or folder, named relative to the folder of the TOML file."""
+
+
+class Table(BaseModel):
+    """A TOML table: unknown keys are errors, numbers are finite, values cannot change."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def from_tables(cls, tables: Any, source: Path | str, *, file: Path | None = None) -> Self:
+        """Validate what was read from a TOML file.
+
+        Parameters
+        ----------
+        tables : dict
+            Nested tables.
+        source : path or str
+            Named in errors.
+        file : Path, optional
+            The file. Paths in it are relative to its folder.
+
+        Raises
+        ------
+        DataError
+            A key is unknown or missing, or a value does not fit. The message is one line and names the key.
+        """
+        try:
+            return cls.model_validate(tables, context=file)
+        except ValidationError as error:
+            raise DataError(f"{source}: {describe(error, cls)}") from None
+
 
 def read_toml(path: Path | str) -> dict[str, Any]:
-    """Tables of a TOML file.
+    """Read the tables of a TOML file.
 
     Raises
     ------
@@ -29,50 +78,50 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 
 
 def describe(error: ValidationError, model: type[BaseModel]) -> str:
-    """One line for an error of pydantic: each key by its dotted name, what was found there and what was expected.
+    """Describe an error of pydantic in one line: each key by its dotted name, what was found and what was expected.
 
     Parameters
     ----------
     error : ValidationError
     model : type
-        What was to be made of the file's tables.
+        The model of the whole file.
     """
     parts: dict[str, str] = {}
-    listed: set[str] = set()
+    hints: set[str] = set()
     for item in error.errors():
-        *inside, last = item["loc"] or ("",)
-        where = ".".join(map(str, [*inside, last]))
-        if item["type"] == "missing" and isinstance(last, int):  # a tuple that ends too early: one error a place
-            where = ".".join(map(str, inside))
+        *parents, last = item["loc"] or ("",)
+        key = ".".join(map(str, [*parents, last]))
+        if item["type"] == "missing" and isinstance(last, int):  # a tuple that is too short has an error for each place
+            key = ".".join(map(str, parents))
             message = f" holds {len(item['input'])} of {last + 1} values"
         elif item["type"] == "missing":
             message = ": missing"
         elif item["type"] == "extra_forbidden":
-            hint = _hint(str(last), _table(model, inside))
-            message = f": unknown key{'' if hint in listed else hint}"
-            listed.add(hint)
+            hint = _hint(str(last), _table_at(model, parents))
+            message = f": unknown key{'' if hint in hints else hint}"
+            hints.add(hint)
         else:
             message = wrong(item)
-        parts[where] = f"{where}{message}" if where else message.removeprefix(": ")
+        parts[key] = f"{key}{message}" if key else message.removeprefix(": ")
     return "; ".join(parts.values())
 
 
 def _hint(key: str, model: type[BaseModel]) -> str:
-    """What an unknown key may have been meant for, or which keys are known there."""
+    """Suggest a known key in place of an unknown one, or list the known keys."""
     near = get_close_matches(key, model.model_fields, n=1)
     return f"; did you mean {near[0]}?" if near else f"; known are {', '.join(model.model_fields)}"
 
 
-def _table(model: type[BaseModel], inside: Sequence[int | str]) -> type[BaseModel]:
-    """The table at a place in another."""
-    for part in inside:
+def _table_at(model: type[BaseModel], parents: Sequence[int | str]) -> type[BaseModel]:
+    """Model of a nested table."""
+    for part in parents:
         if isinstance(part, str) and part in model.model_fields:
             model = next(_models(model.model_fields[part].annotation), model)
     return model
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Tables that a field may hold."""
+    """Models that a field may hold."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in get_args(annotation):
@@ -80,7 +129,7 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def Alternatives(expected: str) -> WrapValidator:  # noqa: N802 # annotates fields as pydantic's own classes do
-    """Where a value may be one of several things, say in one phrase which, instead of what it lacks for each."""
+    """For a value that may be one of several things: one error that says which, not one error for each."""
 
     def validate(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:

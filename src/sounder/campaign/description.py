@@ -6,16 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    PrivateAttr,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
 
 from erm.common.errors import DataError
 from erm.maps.georeference import Georeference
@@ -25,18 +16,9 @@ from sounder.cir.power_spectrum import Omnidirectional
 from sounder.mpc.extract import Method, Threshold
 from sounder.processing.jobs import Job, gather
 from sounder.processing.position import Options
-from sounder.toml import Alternatives, describe, read_toml
+from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, describe, read_toml
 
 MapFormat = Literal["h5", "geojson", "gpkg", "csv", "dxf", "ply", "obj", "xml"]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
-
-def _beside(path: Path, info: ValidationInfo[Path]) -> Path:
-    return info.context.parent / path
-
-
-Named = Annotated[Path, AfterValidator(_beside)]
-"""A file or folder, named from the campaign file's own folder."""
 
 
 def _some(values: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -46,13 +28,7 @@ def _some(values: tuple[Any, ...]) -> tuple[Any, ...]:
     return values
 
 
-class _Table(BaseModel):
-    """A TOML table: unknown keys are errors, values cannot change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Recordings(_Table):
+class Recordings(Table):
     """Files that are read alike, with one back-to-back: those of a day.
 
     In ``files``, ``*`` stands for any part of a name and ``**`` for any folders. ``calibration``, ``layout`` and
@@ -60,9 +36,9 @@ class Recordings(_Table):
     """
 
     files: Annotated[tuple[str, ...], AfterValidator(_some)]
-    calibration: Named | None = None
-    layout: Named | None = None
-    sounder: Named | None = None
+    calibration: RelativePath | None = None
+    layout: RelativePath | None = None
+    sounder: RelativePath | None = None
 
     @model_validator(mode="after")
     def _calibrated(self) -> Self:
@@ -71,7 +47,7 @@ class Recordings(_Table):
         return self
 
 
-class Processing(_Table):
+class Processing(Table):
     """From captures to MPCs, as in ``sounder process``; the last three tell who works, and change no product."""
 
     averaging: Averaging = "coherent"
@@ -89,7 +65,7 @@ class Processing(_Table):
         return Options(self.averaging, self.threshold, self.method, self.omnidirectional, self.keep_cir)
 
 
-class Map(_Table):
+class Map(Table):
     """From MPCs to the map, as in ``erm reconstruct``.
 
     ``origin`` is latitude, longitude [degree] and perhaps height [m] of the local (0, 0, 0), ``heading`` the bearing of
@@ -97,16 +73,16 @@ class Map(_Table):
     """
 
     threshold: Selection = "consistency"
-    max_loss: Annotated[Number | None, Field(gt=0)] = None
+    max_loss: Positive | None = None
     min_support: Annotated[int, Field(ge=1)] = 3
-    ground: Number = 0.0
-    rx_std: Annotated[Number, Field(ge=0)] = 0.0
+    ground: float = 0.0
+    rx_std: NotNegative = 0.0
     origin: Annotated[
-        tuple[Number, Number] | tuple[Number, Number, Number] | None,
+        tuple[float, float] | tuple[float, float, float] | None,
         Alternatives("latitude, longitude and perhaps height"),
     ] = None
-    heading: Number = 0.0
-    outline: Named | None = None
+    heading: float = 0.0
+    outline: RelativePath | None = None
     formats: tuple[MapFormat, ...] = ("h5", "geojson")
 
     @property
@@ -128,7 +104,7 @@ class Map(_Table):
         return self
 
 
-class Figures(_Table):
+class Figures(Table):
     """Figures of positions: DAPS in polar and cartesian form, and PDP; of all, of none, or of those named."""
 
     format: Literal["png", "pdf", "svg"] = "png"
@@ -141,7 +117,7 @@ class Figures(_Table):
         return self.positions == "all" or (self.positions != "none" and position in self.positions)
 
 
-class Campaign(_Table):
+class Campaign(Table):
     """A measurement campaign.
 
     Attributes
@@ -162,7 +138,7 @@ class Campaign(_Table):
     processing: Processing = Processing()
     map: Map = Map()
     figures: Figures = Figures()
-    out: Named
+    out: RelativePath
     _source: Path = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:

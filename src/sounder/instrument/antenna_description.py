@@ -1,17 +1,11 @@
-"""How an antenna is described, and what all tables of a description have in common."""
+"""How an antenna is described."""
 
 from itertools import pairwise
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-Positive = Annotated[float, Field(gt=0)]
-
-
-class Table(BaseModel):
-    """A TOML table: unknown keys are errors, numbers are finite, values cannot change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+from sounder.toml import Table
 
 
 class Cut(Table):

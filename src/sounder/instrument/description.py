@@ -4,12 +4,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from erm.common.errors import DataError
-from sounder.instrument.antenna_description import Antenna, Positive, Table
+from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_files import read_cut
-from sounder.toml import describe, read_toml
+from sounder.toml import NotNegative, Positive, Table, read_toml
 
 LINES = 16
 """Least number of spectral lines kept: a delay is a slope of the phase over these."""
@@ -80,7 +79,7 @@ class Carrier(Table):
     """Carrier and how it is made: ``frequency = lo_frequency * multiplier + if_frequency`` [Hz]."""
 
     frequency: Positive
-    if_frequency: Annotated[float, Field(ge=0)]
+    if_frequency: NotNegative
     lo_frequency: Positive
     multiplier: Annotated[int, Field(ge=1)]
 
@@ -125,7 +124,7 @@ class Clock(Table):
     ``step`` is the standard deviation [s] of its random walk from one direction of the scan to the next.
     """
 
-    step: Annotated[float, Field(ge=0)] = 0.0
+    step: NotNegative = 0.0
 
 
 class Artefact(Table):
@@ -215,10 +214,7 @@ def parse(tables: dict[str, Any], source: str) -> Sounder:
     DataError
         An unknown key, a missing one, or a value that does not fit; the message names it.
     """
-    try:
-        return Sounder.model_validate(tables)
-    except ValidationError as error:
-        raise DataError(f"{source}: {describe(error, Sounder)}") from None
+    return Sounder.from_tables(tables, source)
 
 
 def load(path: Path | str) -> Sounder:

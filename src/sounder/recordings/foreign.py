@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder, parse
 from sounder.recordings.foreign_file import ForeignFile, foreign_file, opener
 from sounder.recordings.layout import Layout, Reference, Samples
 from sounder.recordings.recording import BackToBack, Captures, Recording, check
-from sounder.toml import describe
 
 PLACE = ("position", "azimuth", "elevation", "direction")
 """Axes that tell where a capture was made."""
@@ -151,12 +149,7 @@ def _described(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
         result = dict(base)
         for key, value in over.items():
             if isinstance(value, dict) and value.keys() & {"dataset", "attribute", "of"}:
-                try:
-                    reference = Reference.model_validate(value)
-                except ValidationError as error:
-                    raise DataError(
-                        f"{file.path}: the layout's [sounder]: {key}: {describe(error, Reference)}"
-                    ) from None
+                reference = Reference.from_tables(value, f"{file.path}: the layout's [sounder]: {key}")
                 label = f"sounder: {key}"
                 named = key == "name"
                 result[key] = file.text(reference, label) if named else file.numbers(reference, label).tolist()

@@ -3,19 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from erm.common.errors import DataError
-from sounder.toml import Alternatives, describe, read_toml
+from sounder.toml import Alternatives, Table, read_toml
 
 Axis = Literal["position", "azimuth", "elevation", "direction", "snapshot", "sample", "iq"]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Reference(_Table):
+class Reference(Table):
     """Where a value stands in the file: a dataset, or an attribute (of the root, or of the dataset ``of``)."""
 
     dataset: str | None = None
@@ -38,7 +33,7 @@ Points = Annotated[
 ]
 
 
-class Samples(_Table):
+class Samples(Table):
     """A block of captures.
 
     ``dataset`` holds I and Q along the axis ``iq``, or complex numbers and no such axis; two real datasets are named
@@ -65,7 +60,7 @@ class Samples(_Table):
         return self
 
 
-class Grid(_Table):
+class Grid(Table):
     """Horn directions [degree]; a compass azimuth is clockwise from north, a zenith angle is from straight up."""
 
     azimuth: Numbers
@@ -74,7 +69,7 @@ class Grid(_Table):
     elevation_convention: Literal["horizon", "zenith"] = "horizon"
 
 
-class Positions(_Table):
+class Positions(Table):
     """Antenna positions, east/north/up [m]: one, or one a position; and what else is known of each position.
 
     In ``name``, ``{}`` stands for the position's number (``{:02d}`` for two digits) and ``{file}`` for the file's name.
@@ -110,7 +105,7 @@ class Attenuated(Samples):
         return self
 
 
-class Layout(_Table):
+class Layout(Table):
     """How a foreign file is laid out; see ``docs/formats.md``.
 
     ``sounder`` overrides single keys of the sounder description; its values may be references too.
@@ -134,7 +129,4 @@ def load(path: Path | str) -> Layout:
     DataError
         The file is missing, not TOML, or has an unknown key or a value that does not fit.
     """
-    try:
-        return Layout.model_validate(read_toml(path))
-    except ValidationError as error:
-        raise DataError(f"{path}: {describe(error, Layout)}") from None
+    return Layout.from_tables(read_toml(path), path)

@@ -4,23 +4,17 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 from scipy.constants import k as boltzmann
+
+from sounder.toml import NotNegative, Table
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Seed = Annotated[int, Field(ge=0)]
 
 
-class _Table(BaseModel):
-    """A TOML table: unknown keys are errors, values cannot change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class SystemResponse(_Table):
+class SystemResponse(Table):
     """Linear response of cables, filters and mixers, the same in a recording and in its back-to-back.
 
     ``R(f) = 10**(slope f / 20e9) exp(-2j pi f delay) (1 + sum_k c_k exp(-2j pi f t_k))``: a tilt, a delay,
@@ -43,7 +37,7 @@ class SystemResponse(_Table):
     """
 
     ripple: Annotated[float, Field(ge=0, le=2)] = 0.6
-    slope: Finite = 1.5
+    slope: float = 1.5
     delay: NotNegative = 37e-9
     echoes: Annotated[int, Field(ge=1)] = 6
     longest_echo: NotNegative = 8e-9
@@ -61,7 +55,7 @@ class SystemResponse(_Table):
         return response
 
 
-class PhaseNoise(_Table):
+class PhaseNoise(Table):
     """Wiener phase of a free-running oscillator: increments of variance ``2 pi linewidth dt``.
 
     It runs on within a snapshot and from one snapshot to the next, ``interval`` after its start (at once if
@@ -89,7 +83,7 @@ class PhaseNoise(_Table):
         return walk
 
 
-class CableDrift(_Table):
+class CableDrift(Table):
     """Phase and amplitude of a cable that bends as the antenna turns.
 
     ``phase cos(az - az_0)`` and ``amplitude cos(az - az_1)``, with directions of bend ``az_0``, ``az_1``
@@ -113,7 +107,7 @@ class CableDrift(_Table):
         return factor
 
 
-class DelayDrift(_Table):
+class DelayDrift(Table):
     """Timing that wanders from direction to direction: a random walk of standard deviation ``step`` [s] each.
 
     It shifts the sequence alone; what it does to the carrier is a phase, which `CableDrift` stands for.
@@ -128,7 +122,7 @@ class DelayDrift(_Table):
         return np.cumsum(steps)
 
 
-class IQImbalance(_Table):
+class IQImbalance(Table):
     """Unequal gain and imperfect quadrature of the two mixers.
 
     ``y = alpha x + beta conj(x)``, ``alpha = (1 + g exp(-j phi)) / 2``, ``beta = (1 - g exp(j phi)) / 2``: I
@@ -143,7 +137,7 @@ class IQImbalance(_Table):
         [degree]
     """
 
-    gain: Finite = 0.1
+    gain: float = 0.1
     phase: Annotated[float, Field(gt=-90, lt=90)] = 1.0
 
     def apply(self, signal: Complex) -> Complex:
@@ -153,14 +147,14 @@ class IQImbalance(_Table):
         return distorted
 
 
-class DCOffset(_Table):
+class DCOffset(Table):
     """Constant at the converter, as a fraction of its full scale."""
 
     i: Annotated[float, Field(gt=-1, lt=1)] = 0.002
     q: Annotated[float, Field(gt=-1, lt=1)] = -0.001
 
 
-class ThermalNoise(_Table):
+class ThermalNoise(Table):
     """White noise of power ``k T B F`` at the antenna port, ``B`` being the sample rate.
 
     Source: Pozar, Microwave Engineering, 4th ed., section 10.2.
@@ -181,7 +175,7 @@ class ThermalNoise(_Table):
         return float(1e3 * boltzmann * self.temperature * bandwidth * 10 ** (self.noise_figure / 10))
 
 
-class AGC(_Table):
+class AGC(Table):
     """Receiver gain chosen for each direction from the power received.
 
     ``gain = step floor((full_scale - headroom - power) / step)``, not under 0 nor over ``maximum``; 0 is the
@@ -197,7 +191,7 @@ class AGC(_Table):
 
     step: Annotated[float, Field(gt=0)] = 1.0
     maximum: NotNegative = 50.0
-    headroom: Finite = 12.0
+    headroom: float = 12.0
 
     def gain(self, power: Real, full_scale: float) -> Real:
         """Gain [dB] for received powers [mW] and the converter's full scale [dBm]."""
@@ -206,7 +200,7 @@ class AGC(_Table):
         return gain
 
 
-class Converter(_Table):
+class Converter(Table):
     """Analogue to digital: clipped at full scale, rounded to steps of ``2 full_scale / 2**bits``.
 
     Stored left-justified in int16, so that a clipped sample is -32768 or 32767 whatever the bits. A sample cannot
@@ -221,7 +215,7 @@ class Converter(_Table):
     """
 
     bits: Annotated[int, Field(ge=2, le=16)] = 14
-    full_scale: Finite = -42.0
+    full_scale: float = -42.0
 
     @property
     def amplitude(self) -> float:
@@ -240,7 +234,7 @@ class Converter(_Table):
         return np.clip(np.rint(parts) * step, -(2**15), 2**15 - 1).astype(np.int16)
 
 
-class Faults(_Table):
+class Faults(Table):
     """Faults of an instrument; each is its table of parameters, or None (``false`` in TOML) for absent.
 
     Examples

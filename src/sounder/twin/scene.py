@@ -5,30 +5,24 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from erm.common.errors import DataError
 from sounder import shipped
 from sounder.instrument.description import Sounder, load
-from sounder.toml import Alternatives, describe, read_toml
+from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, read_toml
 from sounder.twin.faults import Faults
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Place = tuple[Number, Number, Number]
-Point = tuple[Number, Number]
+Place = tuple[float, float, float]
+Point = tuple[float, float]
+Unbounded = Annotated[float, Field(allow_inf_nan=True)]
 
 
-class _Table(BaseModel):
-    """A TOML table: unknown keys are errors, values cannot change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class _Upright(_Table):
+class _Upright(Table):
     """What stands from ``base`` to ``top`` [m]."""
 
-    base: float = 0.0
-    top: float = float("inf")
+    base: Unbounded = 0.0
+    top: Unbounded = float("inf")
 
     @model_validator(mode="after")
     def _rises(self) -> Self:
@@ -61,30 +55,30 @@ class Pole(_Upright):
     """Vertical cylinder."""
 
     position: Point
-    radius: Annotated[float, Field(gt=0)]
+    radius: Positive
     material: str = "metal"
 
 
-class Slab(_Table):
+class Slab(Table):
     """Infinite horizontal plane."""
 
-    height: Number
+    height: float
     material: str
 
 
-class Surroundings(_Table):
+class Surroundings(Table):
     """What stands around: a file that ``erm.maps.environment`` reads, or walls, poles, ground and ceiling drawn here.
 
     A file is in the frame east/north whatever the scene's is. ``materials`` holds properties by name, beyond those
     that are known already; see ``erm.maps.materials.Material``.
     """
 
-    file: Path | None = None
+    file: RelativePath | None = None
     walls: tuple[Wall, ...] = ()
     poles: tuple[Pole, ...] = ()
     ground: Slab | None = None
     ceiling: Slab | None = None
-    materials: dict[str, dict[str, Any]] = {}
+    materials: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -97,7 +91,7 @@ class Surroundings(_Table):
         return self
 
 
-class Receiver(_Table):
+class Receiver(Table):
     """A position: where the receiver stood, which transmitter it heard, and whether it should see it."""
 
     name: str
@@ -114,7 +108,7 @@ class Receiver(_Table):
         return self
 
 
-class Scene(_Table):
+class Scene(Table):
     """A measurement campaign to be simulated.
 
     Attributes
@@ -144,7 +138,7 @@ class Scene(_Table):
     frame: Literal["east-north", "east-south"] = "east-north"
     sounder: Sounder
     attenuator: Annotated[
-        Annotated[float, Field(ge=0)] | Path | None,
+        NotNegative | RelativePath | None,
         Alternatives("a loss of at least 0 dB, or the name of a touchstone file"),
     ] = None
     snapshots: Annotated[int, Field(ge=1)] = 8
@@ -208,12 +202,4 @@ def load_scene(path: Path | str) -> Scene:
     if named is not None and not isinstance(named, str):
         raise DataError(f"{path}: sounder is {named!r}; expected the name of a description, a TOML file")
     tables["sounder"] = load(path.parent / named if named else shipped.calibration("sounder-132ghz.toml"))
-    if isinstance(tables.get("attenuator"), str):
-        tables["attenuator"] = path.parent / tables["attenuator"]
-    environment = tables.get("environment")
-    if isinstance(environment, dict) and isinstance(environment.get("file"), str):
-        environment["file"] = path.parent / environment["file"]
-    try:
-        return Scene.model_validate(tables).northward()
-    except ValidationError as error:
-        raise DataError(f"{path}: {describe(error, Scene)}") from None
+    return Scene.from_tables(tables, path, file=path).northward()
