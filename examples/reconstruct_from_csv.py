@@ -8,6 +8,7 @@ import sys
 import numpy as np
 
 from erm.figures import plot_map
+from erm.maps.formats import write_map
 from erm.mpcs.selection import select
 from erm.mpcs.table import read_mpcs
 from erm.reconstruction.reconstruct import reconstruct
@@ -20,7 +21,7 @@ def main(mpcs: str, map_file: str, picture: str) -> None:
     print("\n".join(complaints))
 
     environment, merged = reconstruct(select(table))
-    environment.write(map_file)
+    write_map(environment, map_file)
     print(environment.reflectors[["normal", "offset", "support"]].to_dataframe())
     print(merged["reason"].to_series().value_counts())
 

@@ -66,10 +66,10 @@ def reconstruct(
     import numpy as np
 
     from erm.common.storage import provenance
-    from erm.maps.formats import require_format
+    from erm.maps.formats import require_format, write_map
     from erm.mpcs.selection import select
     from erm.mpcs.table import read_mpcs, write_reflection_points
-    from erm.reconstruction.extend import added, read_members, write_map
+    from erm.reconstruction.extend import added, read_members, with_images
     from erm.reconstruction.reconstruct import reconstruct as merge_walls
     from erm.reconstruction.summary import left_out
 
@@ -87,7 +87,7 @@ def reconstruct(
     there = sorted(path for path in inputs if path.is_file())
     origin = provenance("Reconstructed environment", "erm reconstruct", inputs=there, options=options)
     environment.reflectors.attrs.update(origin)
-    write_map(environment, table, merged, out)
+    write_map(environment, out, mpcs=with_images(table, merged))
     if rps:
         write_reflection_points(merged, rps)
     if figure:
@@ -140,7 +140,7 @@ def predict(
     out: Annotated[Path | None, typer.Option(help="Also write the paths as an MPC table (.csv).")] = None,
 ) -> None:
     """Predict the paths between two places nobody measured."""
-    from erm.maps.environment import Environment
+    from erm.maps.formats import read_map
     from erm.mpcs.table import make_table, write_csv
     from erm.tracing.trace import trace
 
@@ -151,7 +151,7 @@ def predict(
             raise OptionError(f"{option} is {place}; expected three finite numbers, east north up [m]")
     if tx == rx:
         raise OptionError(f"--tx and --rx are both {tx}; expected two places")
-    paths = trace(Environment.read(environment), tx, rx, frequency, max_order=max_order)
+    paths = trace(read_map(environment), tx, rx, frequency, max_order=max_order)
     names = ("delay", "azimuth", "elevation", "path_gain")
     if out:
         ends: dict[str, Any] = {"position": "predicted", "tx_position": tx, "rx_position": rx}

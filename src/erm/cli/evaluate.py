@@ -67,10 +67,10 @@ def evaluate(
         raise typer.BadParameter("--figure draws the map over an outline; give --outline FILE")
     require_suffix(figure, ".png", ".pdf", ".svg")
     spare_inputs((figure,), [environment, *(mpcs or []), *([outline] if outline else [])])
-    from erm.maps.environment import Environment
+    from erm.maps.formats import read_map
     from erm.maps.outline import known_faces
 
-    found = Environment.read(environment)
+    found = read_map(environment)
     if outline is None:
         _by_prediction(mpcs or [], as_json)
     else:

@@ -43,8 +43,7 @@ def export(
     """
     from dataclasses import replace
 
-    from erm.maps.environment import Environment
-    from erm.maps.formats import require_format
+    from erm.maps.formats import read_map, require_format, write_map
     from erm.maps.georeference import Georeference
 
     if origin is None and (origin_height or heading):
@@ -55,10 +54,10 @@ def export(
         georeference = None if origin is None else Georeference(*origin, origin_height, heading)
     except DataError as error:
         raise OptionError(error) from None
-    place = Environment.read(environment)
+    place = read_map(environment)
     if georeference is not None:
         place = replace(place, georeference=georeference)
-    place.write(out, height=height, margin=margin, frequency=frequency)
+    write_map(place, out, height=height, margin=margin, frequency=frequency)
     kinds = place.reflectors["kind"].values.tolist()
     meshes = f"; its meshes are {out.stem}-*.ply beside it" if out.suffix.lower() == ".xml" else ""
     print(f"{out}: {counted(kinds.count('wall'), 'wall')} and {counted(kinds.count('pole'), 'pole')}{meshes}")

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -261,19 +260,6 @@ class Environment:
         ground = self.ground and replace(self.ground, height=self.ground.height + float(shift[2]))
         ceiling = self.ceiling and replace(self.ceiling, height=self.ceiling.height + float(shift[2]))
         return replace(self, reflectors=table, ground=ground, ceiling=ceiling)
-
-    def write(self, path: Path | str, **drawing: float) -> None:
-        """Write by the suffix, whole or not at all; ``drawing`` are options of `erm.maps.formats.write_environment`."""
-        from erm.maps.formats import write_environment
-
-        write_environment(self, path, **drawing)
-
-    @classmethod
-    def read(cls, path: Path | str) -> "Environment":
-        """Read what `write` wrote, or a hand-drawn GeoJSON, GeoPackage or CSV with fewer columns."""
-        from erm.maps.formats import read_environment
-
-        return read_environment(path)
 
 
 def _check(table: "xr.Dataset") -> None:

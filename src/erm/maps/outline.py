@@ -12,6 +12,7 @@ import numpy as np
 from erm.common.errors import DataError, OptionError
 from erm.geometry.vertical import FloatArray
 from erm.maps.environment import Environment
+from erm.maps.formats import read_map
 from erm.maps.georeference import Georeference, declared
 
 LEAST_SPAN = 0.1
@@ -118,7 +119,7 @@ def known_faces(
     """
     if path.suffix.lower() in (".geojson", ".json"):
         return read_outline(path, z_slice=z_slice, min_visible=min_visible, georeference=georeference)
-    faces = outline_of(Environment.read(path), georeference)
+    faces = outline_of(read_map(path), georeference)
     if len(faces) == 0:
         raise DataError(f"{path}: holds no wall; expected some to judge by")
     return faces

@@ -7,7 +7,7 @@ import numpy as np
 
 from erm.common.errors import DataError
 from erm.common.storage import open_group
-from erm.maps.environment import Environment
+from erm.maps.formats import HDF5, read_map
 from erm.mpcs.table import OPTIONAL, VALUES
 from erm.reconstruction.model.paths import IntArray
 from erm.reconstruction.search.search import FRESH
@@ -15,32 +15,21 @@ from erm.reconstruction.search.search import FRESH
 if TYPE_CHECKING:
     import xarray as xr
 
-SUFFIXES = (".h5", ".hdf5", ".nc")
-"""Of the formats that hold components beside the reflectors."""
 GROUP = "/mpc"
 COLUMNS = ("position", "los", "tx_position", "rx_position", "frequency", *VALUES, *OPTIONAL)
 
 
-def write_map(environment: Environment, table: "xr.Dataset", located: "xr.Dataset", path: Path) -> None:
-    """Write a map, and in formats of `SUFFIXES` its components.
+def with_images(table: "xr.Dataset", located: "xr.Dataset") -> "xr.Dataset":
+    """MPCs as measured, each with its common image and its wall, for `erm.maps.formats.write_map`.
 
     Parameters
     ----------
-    environment, located : Environment, xarray.Dataset
-        Of `erm.reconstruction.reconstruct.reconstruct`.
     table : xarray.Dataset
-        MPC table that they were made from, as it was measured.
-    path : path
-        The suffix tells the format.
+        MPC table that a map was made from.
+    located : xarray.Dataset
+        Table of `erm.reconstruction.reconstruct.reconstruct`.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        environment.write(path)
-        return
-    from erm.maps.formats import hdf5
-    from erm.maps.formats.columns import to_columns, to_scene
-
-    mpcs = table[list(COLUMNS)].assign(image=located["image"], wall=located["wall"])
-    hdf5.write(to_columns(environment.reflectors), to_scene(environment), path, mpcs)
+    return table[list(COLUMNS)].assign(image=located["image"], wall=located["wall"])
 
 
 def read_members(path: Path) -> tuple["xr.Dataset", IntArray]:
@@ -52,9 +41,9 @@ def read_members(path: Path) -> tuple["xr.Dataset", IntArray]:
         The file is none of a map, or holds no components.
     """
     advice = "expected a map that `erm reconstruct` wrote as .h5; give all MPCs instead"
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in HDF5:
         raise DataError(f"{path}: maps of this format hold no MPCs; {advice}")
-    Environment.read(path)
+    read_map(path)
     try:
         mpcs = open_group(path, GROUP)
         return mpcs[list(COLUMNS)], mpcs["image"].values

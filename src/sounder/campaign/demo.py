@@ -14,6 +14,7 @@ from erm.evaluation.outline import evaluate_walls, face_hits, on_walls, point_er
 from erm.figures import plot_error_cdf, plot_map
 from erm.geometry.vertical import reflection_point
 from erm.maps.environment import Environment
+from erm.maps.formats import read_map, write_map
 from erm.maps.outline import outline_of
 from erm.mpcs.selection import select
 from erm.mpcs.table import path_length, read_mpcs
@@ -64,8 +65,8 @@ def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     environment, merged = reconstruct(selected)
     origin = provenance("Reconstructed environment", "sounder demo", inputs=outcome.products)
     environment.reflectors.attrs.update(origin)
-    environment.write(out / "map.geojson")
-    truth = Environment.read(out / "truth" / "environment.geojson")
+    write_map(environment, out / "map.geojson")
+    truth = read_map(out / "truth" / "environment.geojson")
     score = score_map(environment, selected, merged, truth)
     with console.progress("drawing", len(OVERLAID) + 2) as advance:
         _draw(environment, merged, truth, outcome.products, out / "figures", advance=advance)

@@ -19,11 +19,11 @@ from erm.evaluation.completeness import Completeness, completeness, receivers_of
 from erm.evaluation.outline import evaluate_mpcs, evaluate_walls
 from erm.figures import plot_map
 from erm.maps.environment import Environment
-from erm.maps.formats import require_format
+from erm.maps.formats import require_format, write_map
 from erm.maps.outline import known_faces
 from erm.mpcs.selection import select
 from erm.mpcs.table import read_mpcs, write_csv, write_reflection_points
-from erm.reconstruction.extend import write_map
+from erm.reconstruction.extend import with_images
 from erm.reconstruction.reconstruct import reconstruct
 from sounder.campaign.description import Campaign
 from sounder.campaign.page import tell
@@ -78,7 +78,7 @@ def run(campaign: Campaign, out: Path) -> Result:
     write_csv(table, out / TABLE)
     environment, located = chart(campaign, table, outcome.products)
     for suffix in campaign.map.formats:
-        write_map(environment, table, located, out / f"map.{suffix}")
+        write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located))
     write_reflection_points(located, out / POINTS)
     result = Result(
         out,

@@ -9,6 +9,7 @@ import xarray as xr
 from erm.common.errors import DataError
 from erm.common.storage import provenance, write_product
 from erm.maps.environment import Environment, Slab
+from erm.maps.formats import read_map, write_map
 from erm.maps.materials import Material
 from erm.tracing.trace import trace
 from sounder import shipped
@@ -28,7 +29,7 @@ def environment_of(scene: Scene) -> Environment:
         The file cannot be read, or a material is not known.
     """
     if scene.environment.file:
-        return Environment.read(scene.environment.file)
+        return read_map(scene.environment.file)
     try:
         return _built(scene.environment)
     except DataError as error:
@@ -164,7 +165,7 @@ def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[], N
     write_back_to_back(b2b, out / "back-to-back.h5", history=history)
     drawn_in = [scene.environment.file] if scene.environment.file else []
     environment.reflectors.attrs.update(provenance("Environment that was simulated", history, inputs=drawn_in))
-    environment.write(out / "truth" / "environment.geojson")
+    write_map(environment, out / "truth" / "environment.geojson")
     recordings: list[Path] = []
     truth: list[xr.Dataset] = []
     for recording, paths in _recorded(scene, traced):

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from erm.cli import app
 from erm.common.errors import DataError
 from erm.maps.environment import Environment, Slab
+from erm.maps.formats import read_map, write_map
 from erm.maps.georeference import Georeference
 
 ENDS = np.array([[[0.0, 0.0], [20.0, 0.0]], [[20.0, 0.0], [20.0, 10.0]]])
@@ -17,7 +18,7 @@ ENDS = np.array([[[0.0, 0.0], [20.0, 0.0]], [[20.0, 0.0], [20.0, 10.0]]])
 @pytest.fixture
 def map_file(tmp_path: Path) -> Path:
     place = Environment.walls(ENDS, ground=Slab(0.0)).with_poles([[3.0, 4.0]], 0.1)
-    place.write(tmp_path / "map.h5")
+    write_map(place, tmp_path / "map.h5")
     return tmp_path / "map.h5"
 
 
@@ -40,10 +41,10 @@ def test_an_origin_puts_a_map_on_earth_and_stays_with_it(tmp_path, map_file):
     placed, wgs, back = (tmp_path / name for name in ("placed.h5", "wgs.geojson", "back.csv"))
     origin = ("--origin", 48.1, -11.5, "--origin-height", 520, "--heading", -30)
     assert export(map_file, "--out", placed, *origin).exit_code == 0
-    assert Environment.read(placed).georeference == Georeference(48.1, -11.5, 520.0, -30.0)
+    assert read_map(placed).georeference == Georeference(48.1, -11.5, 520.0, -30.0)
     assert export(placed, "--out", wgs).exit_code == 0
     assert export(wgs, "--out", back).exit_code == 0
-    place = Environment.read(back)
+    place = read_map(back)
     assert place.georeference == Georeference(48.1, -11.5, 520.0, -30.0)
     np.testing.assert_allclose(place.reflectors["end_points"][:2], ENDS, rtol=0, atol=2e-6)  # 1e-11 degree, rounded
 

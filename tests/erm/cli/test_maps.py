@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from erm.maps.environment import Environment
+from erm.maps.formats import read_map, write_map
 from erm.mpcs.table import read_csv
 
 from .commands import run
@@ -37,7 +38,7 @@ def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys
     printed = capsys.readouterr()
     assert "1 wall and 0 poles from 6 of 6 components" in printed.out
     assert printed.err == ""
-    wall = Environment.read(out).reflectors.isel(reflector=0)
+    wall = read_map(out).reflectors.isel(reflector=0)
     assert wall["offset"].item() == pytest.approx(-9, abs=1e-3)
     assert figure.stat().st_size > 1000
     header, *rows = rps.read_text().splitlines()
@@ -60,7 +61,7 @@ def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
     other.parent.mkdir()
     other.write_text(mpcs.read_text().splitlines()[0] + "\n")
     assert run("reconstruct", mpcs, other, "--out", out, "--max-loss", 9, "--min-support", 2, "--ground", -1) == 0
-    told = Environment.read(out).reflectors.attrs
+    told = read_map(out).reflectors.attrs
     assert told["history"] == "erm reconstruct"
     assert json.loads(told["input_sha256"]) == {
         f"{path.parent.name}/mpcs.csv": hashlib.sha256(path.read_bytes()).hexdigest() for path in (mpcs, other)
@@ -76,7 +77,7 @@ def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
 
 def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path, capsys):
     out, outline = tmp_path / "map.h5", tmp_path / "outline.geojson"
-    Environment.walls([[[-60, -9.1], [60, -9.1]]]).write(outline)
+    write_map(Environment.walls([[[-60, -9.1], [60, -9.1]]]), outline)
     assert run("reconstruct", mpcs, "--out", out) == 0
     capsys.readouterr()
     assert run("evaluate", out, mpcs, "--outline", outline, "--json") == 0
@@ -96,7 +97,7 @@ def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path,
 
 def test_a_map_is_drawn_over_the_outline_that_judges_it(tmp_path: Path, mpcs: Path, capsys):
     out, outline, figure = tmp_path / "map.h5", tmp_path / "outline.geojson", tmp_path / "map.svg"
-    Environment.walls([[[-60, -9.1], [60, -9.1]]]).write(outline)
+    write_map(Environment.walls([[[-60, -9.1], [60, -9.1]]]), outline)
     assert run("reconstruct", mpcs, "--out", out) == 0
     assert run("evaluate", out, mpcs, "--outline", outline, "--figure", figure) == 0
     drawn = figure.read_text()
@@ -107,8 +108,8 @@ def test_a_map_is_drawn_over_the_outline_that_judges_it(tmp_path: Path, mpcs: Pa
 
 
 def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
-    Environment.walls([[[-60, 0], [60, 0]]]).write(tmp_path / "map.h5")
-    Environment.walls([[[-60, 0.00312], [60, 0.00312]], [[-60, 20], [60, 20]]]).write(tmp_path / "outline.geojson")
+    write_map(Environment.walls([[[-60, 0], [60, 0]]]), tmp_path / "map.h5")
+    write_map(Environment.walls([[[-60, 0.00312], [60, 0.00312]], [[-60, 20], [60, 20]]]), tmp_path / "outline.geojson")
     assert run("evaluate", tmp_path / "map.h5", "--outline", tmp_path / "outline.geojson") == 0
     walls, shares, header, offset, _ = capsys.readouterr().out.splitlines()
     assert walls == "1 wall, 0 false; on 1 of 2 faces of the outline, seen by a receiver or not"
@@ -118,7 +119,7 @@ def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
 
 
 def test_no_path_is_said(tmp_path: Path, capsys):
-    Environment.walls([[[-9, 5], [9, 5]]]).write(tmp_path / "map.h5")
+    write_map(Environment.walls([[[-9, 5], [9, 5]]]), tmp_path / "map.h5")
     assert run("predict", tmp_path / "map.h5", "--tx", 0, 0, 9, "--rx", 0, 9, 2) == 0
     assert capsys.readouterr().err == "no path of at most 2 reflections from TX to RX\n"
 
@@ -126,7 +127,7 @@ def test_no_path_is_said(tmp_path: Path, capsys):
 def test_no_components_are_an_empty_map(tmp_path: Path, mpcs: Path):
     mpcs.write_text(mpcs.read_text().splitlines()[0] + "\n")
     assert run("reconstruct", mpcs, "--out", tmp_path / "map.csv") == 0
-    assert Environment.read(tmp_path / "map.csv").reflectors.sizes["reflector"] == 0
+    assert read_map(tmp_path / "map.csv").reflectors.sizes["reflector"] == 0
 
 
 def test_version_and_a_line_for_each_command(monkeypatch, capsys):

@@ -7,7 +7,7 @@ import pytest
 from scipy.constants import c
 
 from erm.geometry.vertical import azimuth_of, mirrored
-from erm.maps.environment import Environment
+from erm.maps.formats import read_map
 from erm.mpcs.table import empty_table, make_table, write_csv
 
 from .commands import run
@@ -62,7 +62,7 @@ def test_what_tells_of_no_wall_is_a_legal_map_and_a_reason(tmp_path: Path, capsy
     assert printed.err == ""
     said = [line for line in printed.out.splitlines() if not line.startswith(("reflector\t", "typical errors"))]
     assert said == [f"{out}: 0 walls and 0 poles from 0 of {mpcs.sizes['mpc']} components", *reasons]
-    assert Environment.read(out).reflectors.sizes["reflector"] == 0
+    assert read_map(out).reflectors.sizes["reflector"] == 0
 
 
 def test_positions_on_a_line_are_a_wall_and_what_is_left_out_is_told(tmp_path: Path, capsys):

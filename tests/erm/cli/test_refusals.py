@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from erm.maps.environment import Environment
+from erm.maps.formats import read_map, write_map
 
 from .commands import run
 
@@ -65,7 +66,7 @@ def test_a_suffix_that_is_not_known_is_told_before_anything_is_written(tmp_path:
 def test_a_value_that_cannot_be_is_told_in_one_line_and_2(tmp_path: Path, mpcs: Path, capsys, arguments, found):
     names = {"map": tmp_path / "map.h5", "mpcs": mpcs, "outline": tmp_path / "outline.geojson"}
     for name in ("map", "outline"):
-        Environment.walls([[[0, 0], [1, 0]]]).write(names[name])
+        write_map(Environment.walls([[[0, 0], [1, 0]]]), names[name])
     before = sorted(tmp_path.iterdir())
     assert run(*(str(argument).format(**names) for argument in arguments)) == 2
     error = capsys.readouterr().err
@@ -104,7 +105,7 @@ def test_a_bad_file_is_named_the_rest_is_done_and_the_exit_code_is_1(tmp_path: P
         f"{tmp_path / 'none.csv'}: no such file",
         f"{mpcs}: 1 of 7 rows dropped: rx_x is not a number (first: line 8)",
     ]
-    assert Environment.read(out).reflectors.sizes["reflector"] == 1
+    assert read_map(out).reflectors.sizes["reflector"] == 1
 
 
 def test_nothing_usable_writes_nothing(tmp_path: Path, capsys):
@@ -129,7 +130,7 @@ def test_nothing_usable_writes_nothing(tmp_path: Path, capsys):
 def test_an_error_is_one_line(tmp_path: Path, mpcs: Path, capsys, arguments, complaint):
     names = {"map": tmp_path / "map.h5", "none": tmp_path / "none.h5", "mpcs": mpcs, "folder": tmp_path}
     names |= {"empty": tmp_path / "empty.h5", "other": tmp_path / "other.csv", "text": tmp_path / "map.txt"}
-    Environment.walls([[[0, 0], [1, 0]]]).write(names["map"])
+    write_map(Environment.walls([[[0, 0], [1, 0]]]), names["map"])
     names["empty"].touch()
     for name in ("other", "text"):
         names[name].write_text("wall,1\n")

@@ -12,7 +12,7 @@ from scipy.constants import epsilon_0
 
 from erm.common.errors import DataError
 from erm.maps.environment import Environment, Slab, make_reflectors
-from erm.maps.formats import ply
+from erm.maps.formats import ply, read_map, write_map
 from erm.maps.formats.ply import joined
 from erm.maps.formats.surfaces import Surface, extrude
 from erm.maps.materials import LIBRARY, Material
@@ -54,7 +54,7 @@ def test_names_of_meshes_are_plain_and_no_two_the_same(tmp_path):
     names = ["index 1.6", "index-1.6", "INDEX/1.6"]
     own = {name: Material(name, permittivity=(3.0, 0.0), conductivity=(0.01, 1.0)) for name in names}
     walls = [[[0, 0], [1, 0]], [[0, 1], [1, 1]], [[0, 2], [1, 2]]]
-    Environment(make_reflectors(walls, material=names), materials=own).write(tmp_path / "a.xml")
+    write_map(Environment(make_reflectors(walls, material=names), materials=own), tmp_path / "a.xml")
     meshes = {path.name for path in tmp_path.glob("*.ply")}
     assert meshes == {"a-INDEX-1.6.ply", "a-index-1.6-1.ply", "a-index-1.6-2.ply"}
     named = {node.get("value") for node in ElementTree.parse(tmp_path / "a.xml").iter("string")}
@@ -62,7 +62,7 @@ def test_names_of_meshes_are_plain_and_no_two_the_same(tmp_path):
 
 
 def test_a_ply_holds_every_surface_and_says_which_reflector_it_is(tmp_path):
-    place_of().write(tmp_path / "map.ply", height=25.0, margin=7.0)
+    write_map(place_of(), tmp_path / "map.ply", height=25.0, margin=7.0)
     vertices, faces, properties = read_ply(tmp_path / "map.ply")
     surfaces = surfaces_of(place_of(), height=25.0, margin=7.0)
     expected, corners = joined(surfaces)
@@ -73,7 +73,7 @@ def test_a_ply_holds_every_surface_and_says_which_reflector_it_is(tmp_path):
 
 
 def test_an_obj_holds_every_surface_as_an_object_of_its_material(tmp_path):
-    place_of().write(tmp_path / "map.obj")
+    write_map(place_of(), tmp_path / "map.obj")
     rows = [line.split() for line in (tmp_path / "map.obj").read_text().splitlines()]
     surfaces = surfaces_of(place_of())
     expected, corners = joined(surfaces)
@@ -101,7 +101,7 @@ def scene_of(path: Path) -> dict[str, tuple[ElementTree.Element, str]]:
 
 
 def test_a_scene_has_one_mesh_a_material(tmp_path):
-    place_of().write(tmp_path / "map.xml")
+    write_map(place_of(), tmp_path / "map.xml")
     shapes = scene_of(tmp_path / "map.xml")
     surfaces = surfaces_of(place_of())
     assert len(shapes) == len({surface.material for surface in surfaces}) == 6
@@ -127,7 +127,7 @@ def test_a_scene_has_one_mesh_a_material(tmp_path):
 )
 def test_materials_go_by_the_name_of_the_recommendation_where_it_has_them(tmp_path, material, frequency, expected):
     path = tmp_path / "map.xml"
-    Environment.walls([[[0, 0], [1, 0]]], material=material).write(path, frequency=frequency)
+    write_map(Environment.walls([[[0, 0], [1, 0]]], material=material), path, frequency=frequency)
     ((bsdf, _),) = scene_of(path).values()
     assert bsdf.attrib["id"] == expected
     if "itu_" in expected:
@@ -143,15 +143,15 @@ def test_materials_go_by_the_name_of_the_recommendation_where_it_has_them(tmp_pa
 
 def test_a_material_of_the_map_that_takes_a_known_name_keeps_its_own_constants(tmp_path):
     own = Material("concrete", permittivity=(6.0, 0.0), conductivity=(0.5, 0.0))
-    Environment.walls([[[0, 0], [1, 0]]], materials={"concrete": own}).write(tmp_path / "map.xml")
+    write_map(Environment.walls([[[0, 0], [1, 0]]], materials={"concrete": own}), tmp_path / "map.xml")
     ((bsdf, _),) = scene_of(tmp_path / "map.xml").values()
     assert bsdf.attrib["type"] == "radio-material"
     assert [value.attrib["value"] for value in bsdf.findall("float")] == ["6", "0.5"]
 
 
 def test_a_known_material_is_known_after_a_file(tmp_path):
-    Environment.walls([[[0, 0], [1, 0]]]).write(tmp_path / "map.h5")
-    Environment.read(tmp_path / "map.h5").write(tmp_path / "map.xml")
+    write_map(Environment.walls([[[0, 0], [1, 0]]]), tmp_path / "map.h5")
+    write_map(read_map(tmp_path / "map.h5"), tmp_path / "map.xml")
     ((bsdf, _),) = scene_of(tmp_path / "map.xml").values()
     assert bsdf.attrib["id"] == "mat-itu_concrete"
 
@@ -160,13 +160,13 @@ def test_the_scene_takes_its_place_after_its_meshes(tmp_path, monkeypatch):
     moved = []
     real = os.replace
     monkeypatch.setattr(os, "replace", lambda source, target: (moved.append(Path(target).name), real(source, target)))
-    place_of().write(tmp_path / "map.xml")
+    write_map(place_of(), tmp_path / "map.xml")
     assert moved[-1] == "map.xml"
     assert len(moved) == 1 + 6
 
 
 def test_a_scene_that_fails_leaves_the_old_one(tmp_path, monkeypatch):
-    place_of(0).write(tmp_path / "map.xml")
+    write_map(place_of(0), tmp_path / "map.xml")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     real = ply.text_of
 
@@ -177,7 +177,7 @@ def test_a_scene_that_fails_leaves_the_old_one(tmp_path, monkeypatch):
 
     monkeypatch.setattr(ply, "text_of", third_fails)
     with pytest.raises(MemoryError):
-        place_of(1).write(tmp_path / "map.xml")
+        write_map(place_of(1), tmp_path / "map.xml")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
@@ -187,19 +187,19 @@ def test_the_same_map_is_drawn_the_same(tmp_path, suffix):
         pytest.importorskip("ezdxf", reason="the extra cad is not installed")
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
-        place_of().write(tmp_path / name / f"map{suffix}")
+        write_map(place_of(), tmp_path / name / f"map{suffix}")
     first, second = ({path.name: path.read_bytes() for path in (tmp_path / n).iterdir()} for n in ("first", "second"))
     assert first == second
 
 
 def test_an_empty_map_is_a_legal_drawing(tmp_path):
-    Environment.empty().write(tmp_path / "map.ply")
+    write_map(Environment.empty(), tmp_path / "map.ply")
     vertices, faces, _ = read_ply(tmp_path / "map.ply")
     assert (len(vertices), len(faces)) == (0, 0)
-    Environment.empty().write(tmp_path / "map.obj")
+    write_map(Environment.empty(), tmp_path / "map.obj")
     (line,) = (tmp_path / "map.obj").read_text().splitlines()
     assert line.startswith("#")
-    Environment.empty().write(tmp_path / "map.xml")
+    write_map(Environment.empty(), tmp_path / "map.xml")
     assert scene_of(tmp_path / "map.xml") == {}
     assert len(list(tmp_path.iterdir())) == 3
 
@@ -207,7 +207,7 @@ def test_an_empty_map_is_a_legal_drawing(tmp_path):
 def test_a_dxf_has_lines_circles_and_faces_on_layers_in_metres(tmp_path):
     ezdxf = pytest.importorskip("ezdxf", reason="the extra cad is not installed")
     place = place_of()
-    place.write(tmp_path / "map.dxf", height=25.0, margin=7.0)
+    write_map(place, tmp_path / "map.dxf", height=25.0, margin=7.0)
     drawing = ezdxf.readfile(tmp_path / "map.dxf")
     assert drawing.header["$INSUNITS"] == 6  # metres
     assert drawing.audit().errors == []
@@ -225,14 +225,14 @@ def test_a_dxf_has_lines_circles_and_faces_on_layers_in_metres(tmp_path):
         faces = [face.wcs_vertices() for face in space.query(f"3DFACE[layer=='{layer}']")]
         surfaces = [s.vertices for s in surfaces_of(place, height=25.0, margin=7.0) if s.kind == kind]
         np.testing.assert_array_equal(np.array(faces), surfaces)
-    Environment.empty().write(tmp_path / "empty.dxf")
+    write_map(Environment.empty(), tmp_path / "empty.dxf")
     assert len(ezdxf.readfile(tmp_path / "empty.dxf").modelspace()) == 0
 
 
 def test_dxf_without_its_library_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     with pytest.raises(DataError, match=r"map.dxf: DXF needs ezdxf.*sounder-to-map\[cad\]") as error:
-        place_of().write(tmp_path / "map.dxf")
+        write_map(place_of(), tmp_path / "map.dxf")
     assert "\n" not in str(error.value)
     assert list(tmp_path.iterdir()) == []
 
@@ -240,11 +240,11 @@ def test_dxf_without_its_library_names_the_extra(tmp_path, monkeypatch):
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".xml", ".dxf"])
 def test_a_drawing_is_not_read_again(tmp_path, suffix):
     with pytest.raises(DataError, match="drawing"):
-        Environment.read(tmp_path / f"map{suffix}")
+        read_map(tmp_path / f"map{suffix}")
 
 
 @pytest.mark.parametrize("option", ["height", "margin", "frequency"])
 @pytest.mark.parametrize("value", [0.0, np.inf, np.nan])
 def test_drawings_have_an_extent(tmp_path, option, value):
     with pytest.raises(DataError, match=f"{option} {value}"):
-        place_of().write(tmp_path / "map.xml", **{option: value})
+        write_map(place_of(), tmp_path / "map.xml", **{option: value})

@@ -10,6 +10,7 @@ import pytest
 
 from erm.common.errors import DataError
 from erm.maps.environment import Environment, make_reflectors
+from erm.maps.formats import read_map, write_map
 from erm.maps.georeference import Georeference
 from erm.maps.outline import outline_of, read_outline
 
@@ -91,8 +92,8 @@ def test_geojson_in_wgs_84_gives_local_metres_back(tmp_path, seed):
     rng = np.random.default_rng(seed)
     table = make_reflectors(rng.uniform(-700, 700, (30, 2, 2)), top=9.0, support=3, covariance=np.diag([0.1, 0.01]))
     place = Environment(table, georeference=random_frame(rng)).with_poles(rng.uniform(-700, 700, (3, 2)), 0.2)
-    place.write(tmp_path / "map.geojson")
-    back = Environment.read(tmp_path / "map.geojson")
+    write_map(place, tmp_path / "map.geojson")
+    back = read_map(tmp_path / "map.geojson")
     # coordinates are rounded to 1e-11 degree, half of which is 0.6 micrometre
     np.testing.assert_allclose(back.reflectors.end_points, place.reflectors.end_points, rtol=0, atol=2 * MICROMETRE)
     for name in set(place.reflectors) - {"end_points"}:
@@ -101,7 +102,7 @@ def test_geojson_in_wgs_84_gives_local_metres_back(tmp_path, seed):
 
 
 def test_geojson_in_wgs_84_is_what_the_rfc_asks_for(tmp_path):
-    Environment.walls(SQUARE, georeference=PLACE).write(tmp_path / "map.geojson")
+    write_map(Environment.walls(SQUARE, georeference=PLACE), tmp_path / "map.geojson")
     document = json.loads((tmp_path / "map.geojson").read_text())
     assert "crs" not in document
     assert document["georeference"] == {"latitude": 48.1, "longitude": 11.5, "height": 520.0, "heading": 30.0}
@@ -114,15 +115,15 @@ def test_geojson_in_wgs_84_is_what_the_rfc_asks_for(tmp_path):
 
 
 def test_without_an_origin_geojson_is_in_local_metres(tmp_path):
-    Environment.walls(SQUARE).write(tmp_path / "map.geojson")
+    write_map(Environment.walls(SQUARE), tmp_path / "map.geojson")
     assert as_written(tmp_path / "map.geojson")[1] == SQUARE[1].tolist()
 
 
 @pytest.mark.parametrize("suffix", [".h5", ".geojson", ".gpkg", ".csv"])
 def test_every_map_keeps_its_origin(tmp_path, suffix):
     for place in (Environment.walls(SQUARE, georeference=PLACE), Environment.empty(georeference=PLACE)):
-        place.write(tmp_path / f"map{suffix}")
-        assert Environment.read(tmp_path / f"map{suffix}").georeference == PLACE
+        write_map(place, tmp_path / f"map{suffix}")
+        assert read_map(tmp_path / f"map{suffix}").georeference == PLACE
 
 
 def test_a_map_drawn_in_wgs_84_needs_latitude_and_longitude_of_its_origin(tmp_path):
@@ -130,12 +131,12 @@ def test_a_map_drawn_in_wgs_84_needs_latitude_and_longitude_of_its_origin(tmp_pa
     document = {"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": line, "properties": None}]}
     path = tmp_path / "map.geojson"
     path.write_text(json.dumps(document | {"georeference": {"latitude": 48.1, "longitude": 11.5}}))
-    along = np.diff(Environment.read(path).reflectors.end_points.values[0], axis=0)[0]
+    along = np.diff(read_map(path).reflectors.end_points.values[0], axis=0)[0]
     parallel = np.linalg.norm(geocentric(11.501, 48.1, 0) - geocentric(11.5, 48.1, 0))
     assert along[0] == pytest.approx(parallel, abs=1e-6)
     path.write_text(json.dumps(document | {"crs": {"type": "name", "properties": {"name": "EPSG:4326"}}}))
     with pytest.raises(DataError, match="WGS 84") as error:
-        Environment.read(path)
+        read_map(path)
     assert str(path) in str(error.value)
 
 
@@ -152,10 +153,10 @@ def test_a_map_drawn_in_wgs_84_needs_latitude_and_longitude_of_its_origin(tmp_pa
 )
 def test_an_origin_that_is_none_is_refused_in_one_line(tmp_path, place, complaint):
     path = tmp_path / "map.geojson"
-    Environment.walls(SQUARE, georeference=PLACE).write(path)
+    write_map(Environment.walls(SQUARE, georeference=PLACE), path)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"georeference": place}))
     with pytest.raises(DataError, match=complaint) as error:
-        Environment.read(path)
+        read_map(path)
     assert str(error.value).startswith(str(path))
     assert "\n" not in str(error.value)
 
@@ -164,16 +165,16 @@ def test_wgs_84_without_its_library_names_the_extra(tmp_path, monkeypatch):
     place = Environment.walls(SQUARE, georeference=Georeference(1.0, 2.0))
     monkeypatch.setitem(sys.modules, "pyproj", None)
     with pytest.raises(DataError, match=r"map.geojson: .*sounder-to-map\[gis\]"):
-        place.write(tmp_path / "map.geojson")
-    place.write(tmp_path / "map.h5")  # local metres, which need none
-    assert Environment.read(tmp_path / "map.h5").georeference == Georeference(1.0, 2.0)
+        write_map(place, tmp_path / "map.geojson")
+    write_map(place, tmp_path / "map.h5")  # local metres, which need none
+    assert read_map(tmp_path / "map.h5").georeference == Georeference(1.0, 2.0)
     assert [path.name for path in tmp_path.iterdir()] == ["map.h5"]
 
 
 @pytest.mark.parametrize("declared", ["georeference", "crs", "nothing"])
 def test_an_outline_in_wgs_84_is_read_in_the_frame_of_the_map(tmp_path, declared):
     path = tmp_path / "outline.geojson"
-    Environment.walls(SQUARE, georeference=Georeference(48.1, 11.5, 520.0)).write(path)
+    write_map(Environment.walls(SQUARE, georeference=Georeference(48.1, 11.5, 520.0)), path)
     document = json.loads(path.read_text())
     if declared != "georeference":
         del document["georeference"]
@@ -193,7 +194,7 @@ def test_an_outline_in_wgs_84_is_read_in_the_frame_of_the_map(tmp_path, declared
 
 def test_an_outline_in_metres_stays_so_whatever_the_map_is(tmp_path):
     path = tmp_path / "outline.geojson"
-    Environment.walls(SQUARE).write(path)
+    write_map(Environment.walls(SQUARE), path)
     np.testing.assert_array_equal(read_outline(path, georeference=PLACE), SQUARE)
 
 

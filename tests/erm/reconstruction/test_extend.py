@@ -6,9 +6,10 @@ import xarray as xr
 
 from erm.common.errors import DataError
 from erm.maps.environment import Environment
+from erm.maps.formats import read_map, write_map
 from erm.mpcs.selection import select
 from erm.mpcs.table import make_table
-from erm.reconstruction.extend import added, read_members, write_map
+from erm.reconstruction.extend import added, read_members, with_images
 from erm.reconstruction.reconstruct import reconstruct
 from erm.reconstruction.search.search import FRESH
 from erm.tracing.trace import trace
@@ -70,12 +71,12 @@ def test_walls_that_an_added_position_does_not_see_stay(campaign):
 def test_a_map_file_remembers_what_it_was_made_from(campaign, tmp_path):
     before = xr.concat(campaign[:8], dim="mpc")
     environment, located = reconstruct(select(before))
-    write_map(environment, before, located, tmp_path / "map.h5")
+    write_map(environment, tmp_path / "map.h5", mpcs=with_images(before, located))
     stored, image = read_members(tmp_path / "map.h5")
     np.testing.assert_array_equal(image, located["image"])
     for name in stored:
         np.testing.assert_array_equal(stored[name].values, before[name].values)
-    assert Environment.read(tmp_path / "map.h5").reflectors.sizes == environment.reflectors.sizes
+    assert read_map(tmp_path / "map.h5").reflectors.sizes == environment.reflectors.sizes
 
 
 def test_a_position_measured_anew_takes_the_place_of_the_old(campaign):
@@ -86,10 +87,10 @@ def test_a_position_measured_anew_takes_the_place_of_the_old(campaign):
 
 
 def test_a_map_without_its_components_says_what_to_do(tmp_path):
-    COURT.write(tmp_path / "drawn.h5")
+    write_map(COURT, tmp_path / "drawn.h5")
     with pytest.raises(DataError, match="holds no MPCs; expected a map that `erm reconstruct`"):
         read_members(tmp_path / "drawn.h5")
-    COURT.write(tmp_path / "drawn.geojson")
+    write_map(COURT, tmp_path / "drawn.geojson")
     with pytest.raises(DataError, match="maps of this format hold no MPCs"):
         read_members(tmp_path / "drawn.geojson")
     with pytest.raises(DataError, match="no such file"):

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from scipy.constants import c
 
-from erm.maps.environment import Environment
+from erm.maps.formats import read_map
 
 from .commands import digest, group, names, run
 
@@ -20,7 +20,7 @@ def test_simulate_writes_recordings_and_truth(campaign):
     assert names(campaign / "raw") == ["RX1.h5", "RX2.h5"]
     assert names(campaign / "truth") == ["environment.geojson", "paths.h5"]
     paths = group(campaign / "truth" / "paths.h5", "/")
-    environment = Environment.read(campaign / "truth" / "environment.geojson")
+    environment = read_map(campaign / "truth" / "environment.geojson")
     assert environment.reflectors.attrs["history"] == paths.attrs["history"] == "sounder simulate room"
     # the direct path and four walls
     assert [int((paths["position"] == name).sum()) for name in ("RX1", "RX2")] == [5, 5]

@@ -10,6 +10,7 @@ import shapely
 from erm.common.errors import DataError
 from erm.common.storage import open_group
 from erm.maps.environment import Environment
+from erm.maps.formats import read_map, write_map
 from erm.tracing.trace import trace
 from sounder import shipped
 from sounder.instrument.antenna_pattern import Pattern
@@ -59,7 +60,7 @@ def test_south_is_turned_to_north_at_the_border(tmp_path):
 
 
 def test_files_are_looked_for_beside_the_scene(tmp_path):
-    Environment.walls([[[-100.0, -20], [100, -20]]], top=30.0).write(tmp_path / "place.geojson")
+    write_map(Environment.walls([[[-100.0, -20], [100, -20]]], top=30.0), tmp_path / "place.geojson")
     head = NORTH[: NORTH.index("[[environment.walls]]")]
     scene = load_scene(written(tmp_path, head + '[environment]\nfile = "place.geojson"\n'))
     assert environment_of(scene).reflectors.sizes["reflector"] == 1
@@ -144,7 +145,7 @@ def test_campaign_on_disk_is_the_simulated_one_and_the_truth_beside_it(tmp_path)
         here = truth.isel(path=truth["position"].values == read.name)
         assert here["coefficient"].values == pytest.approx(paths["coefficient"].values)
     assert native.back_to_back(tmp_path / "out" / "back-to-back.h5").sounder == scene.sounder
-    place = Environment.read(tmp_path / "out" / "truth" / "environment.geojson").reflectors
+    place = read_map(tmp_path / "out" / "truth" / "environment.geojson").reflectors
     assert place.kind.values.tolist() == ["wall", "wall", "pole"]
 
 

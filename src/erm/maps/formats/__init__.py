@@ -10,6 +10,8 @@ from erm.common.outputs import require_suffix
 from erm.common.storage import require_file
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from erm.maps.environment import Environment
     from erm.maps.formats.columns import Columns
 
@@ -23,37 +25,41 @@ MAPS = (*HDF5, *GEOJSON, ".gpkg", ".csv")
 DRAWINGS = (".dxf", ".obj", ".ply", ".xml")
 """Formats that are written only: they hold shapes, not what is known about them."""
 HEIGHT, MARGIN, FREQUENCY = 30.0, 50.0, 132e9
-"""What `write_environment` takes for its options."""
+"""Defaults of `write_map`."""
 
 
-def write_environment(
+def write_map(
     environment: "Environment",
     path: Path | str,
     *,
+    mpcs: "xr.Dataset | None" = None,
     height: float = HEIGHT,
     margin: float = MARGIN,
     frequency: float = FREQUENCY,
 ) -> None:
-    """Write an environment by the suffix; whole or not at all.
+    """Write a map in the format of the suffix. The file is written completely or not at all.
 
-    Maps, to be read again, are .h5, .geojson, .gpkg and .csv; drawings are .dxf, .ply, .obj and .xml (for Mitsuba
-    and Sionna RT, with meshes beside it).
+    Maps can be read again: .h5, .geojson, .gpkg and .csv. Drawings cannot: .dxf, .ply, .obj and .xml (a scene for
+    Mitsuba and Sionna RT, with its meshes beside it).
 
     Parameters
     ----------
     environment : Environment
+        The map.
     path : path
         The file.
+    mpcs : xarray.Dataset, optional
+        MPCs that the map was made from. HDF5 keeps them in the group ``/mpc``; other formats do not.
     height, margin : float
-        Of drawings: where walls without end are cut, and how far ground and ceiling reach [m]; see
-        `erm.maps.formats.surfaces.extrude`.
+        Drawings only. Walls without upper end are cut at this height above the ground; ground and ceiling extend
+        by this margin beyond the walls [m]. See `erm.maps.formats.surfaces.extrude`.
     frequency : float
-        Of .xml: where materials that the ray tracer does not know are evaluated [Hz].
+        Only .xml: materials that the ray tracer does not know are evaluated at this frequency [Hz].
 
     Raises
     ------
     DataError
-        The suffix is none of these, the folder is not writable, or an optional library is missing.
+        The suffix names no format, the folder is not writable, or an optional library is missing.
     """
     from erm.maps.formats.columns import to_columns, to_scene
 
@@ -61,13 +67,24 @@ def write_environment(
     require_format(path)
     if path.suffix.lower() in DRAWINGS:
         _draw(environment, path, height, margin, frequency)
-    else:
-        write, _ = _format_of(path)
-        write(to_columns(environment.reflectors), to_scene(environment), path)
+        return
+    columns, scene = to_columns(environment.reflectors), to_scene(environment)
+    if mpcs is not None and path.suffix.lower() in HDF5:
+        from erm.maps.formats import hdf5
+
+        hdf5.write(columns, scene, path, mpcs)
+        return
+    write, _ = _format_of(path)
+    write(columns, scene, path)
 
 
-def read_environment(path: Path | str) -> "Environment":
-    """Read an environment, by the suffix; the inverse of `write_environment`.
+def read_map(path: Path | str) -> "Environment":
+    """Read a map in the format of the suffix: one of `write_map`, or a hand-drawn file with fewer columns.
+
+    Parameters
+    ----------
+    path : path
+        A .h5, .geojson, .gpkg or .csv file.
 
     Raises
     ------
@@ -80,7 +97,7 @@ def read_environment(path: Path | str) -> "Environment":
     require_file(path)
     suffix = path.suffix.lower()
     if suffix in DRAWINGS:
-        raise DataError(f"{path}: a drawing, which is not read again; give the map it was made from")
+        raise DataError(f"{path}: drawings cannot be read; give the map that the drawing was made from")
     if suffix not in MAPS:
         raise DataError(f"{path}: unknown format {suffix!r}; expected a map: {', '.join(MAPS)}")
     _, read = _format_of(path)
@@ -92,7 +109,7 @@ def read_environment(path: Path | str) -> "Environment":
 
 
 def require_format(path: Path) -> None:
-    """Refuse what `write_environment` cannot write, before there is anything to write.
+    """Refuse a file that `write_map` cannot write, before anything is computed.
 
     Raises
     ------

@@ -54,7 +54,7 @@ def to_columns(reflectors: "xr.Dataset") -> Columns:
 def to_scene(environment: Environment) -> dict[str, Any]:
     """Ground, ceiling, materials and provenance, ready for JSON."""
     return {
-        "attributes": provenance("Environment", "Environment.write") | dict(environment.reflectors.attrs),
+        "attributes": provenance("Environment", "erm.write_map") | dict(environment.reflectors.attrs),
         "ground": environment.ground and asdict(environment.ground),
         "ceiling": environment.ceiling and asdict(environment.ceiling),
         "materials": [material.to_dict() for material in environment.materials.values()],
