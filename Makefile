@@ -1,22 +1,32 @@
 # Every target makes its own .venv; nothing is needed beside Python >= 3.11 with pip.
+#   make check   lint, types, import rules and the fast tests: the inner loop
+#   make test    the same with all tests
 # Another interpreter: make PYTHON=python3.12 test
 
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# a test process for each processor; each takes the next test when it is idle
+PYTEST := $(BIN)/pytest --numprocesses logical --dist worksteal
 
-.PHONY: demo test docs bench clean
+.PHONY: demo check test lint docs bench clean
 
 demo: $(READY)
 	$(BIN)/sounder demo --out demo-output
 
-test: $(READY)
+check: lint
+	$(PYTEST) -m "not slow"
+
+test: lint
+	$(PYTEST)
+
+lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/codespell
-	$(BIN)/pytest
+	$(BIN)/lint-imports --no-logo
 
 docs: $(READY)
 	$(BIN)/mkdocs build --strict
@@ -26,7 +36,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/run.py
 
 clean:
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist site demo-output
+	rm -rf .venv .grimp_cache .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist site demo-output
 
 # The second way of making .venv is for systems whose Python comes without ensurepip.
 $(READY): pyproject.toml
