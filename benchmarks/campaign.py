@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 
 from sounder import shipped
-from sounder.instrument.description import Sounder, load
+from sounder.instrument.description import Sounder, load_sounder
 from sounder.recordings import writer
 from sounder.twin.receiver import back_to_back, record
 
@@ -30,7 +30,7 @@ def paths(count: int = 12, seed: int = 1) -> xr.Dataset:
 
 def described() -> Sounder:
     """Return the shipped sounder."""
-    return load(shipped.calibration("sounder-132ghz.toml"))
+    return load_sounder(shipped.calibration("sounder-132ghz.toml"))
 
 
 def write_calibration(folder: Path) -> Path:

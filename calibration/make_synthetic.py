@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.instrument.description import load
+from sounder.instrument.description import load_sounder
 from sounder.instrument.touchstone import read_s21
 from sounder.recordings.writer import write_back_to_back
 from sounder.twin.receiver import back_to_back
@@ -105,7 +105,7 @@ def main(folder: Path) -> None:
     (folder / "horn-132ghz.csv").write_text(horn_csv(), encoding="utf-8")
     attenuator.write_text(attenuator_s2p(), encoding="utf-8")
     description = Path(__file__).parent / "sounder-132ghz.toml"
-    b2b = back_to_back(load(description), read_s21(attenuator), snapshots=32, seed=132)
+    b2b = back_to_back(load_sounder(description), read_s21(attenuator), snapshots=32, seed=132)
     write_back_to_back(
         replace(b2b, title=TITLE),
         folder / "back-to-back-132ghz.h5",

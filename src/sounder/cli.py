@@ -59,11 +59,11 @@ def simulate(
     """
     require_folder(out)
     from sounder.twin.scene import load_scene
-    from sounder.twin.simulate import simulate_campaign
+    from sounder.twin.simulate import simulate
 
     loaded = load_scene(scene)
     with console.progress("simulating", len(loaded.receivers)) as advance:
-        written = simulate_campaign(loaded, out, progress=advance)
+        written = simulate(loaded, out, progress=advance)
     print(f"{out}: {console.counted(len(written), 'recording')}")
 
 

@@ -11,9 +11,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sounder import shipped
-from sounder.cir.deembedding import Deembedding, deembedding
+from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.instrument.description import Sounder, load, parse
+from sounder.instrument.description import Sounder, load_sounder, parse_sounder
 from sounder.instrument.waveform import band_limited_template, held_template
 from sounder.recordings.recording import BackToBack
 
@@ -98,10 +98,10 @@ def ripple(frequency: NDArray[np.float64], seed: int, strength: float = 1.0) -> 
 
 def describe(**tables: dict[str, Any]) -> Sounder:
     """The shipped description with keys of its tables replaced."""
-    described = load(shipped.calibration("sounder-132ghz.toml")).model_dump()
+    described = load_sounder(shipped.calibration("sounder-132ghz.toml")).model_dump()
     for name, table in tables.items():
         described[name] = {**described[name], **table}
-    return parse(described, "test")
+    return parse_sounder(described, "test")
 
 
 def make_back_to_back(sounder: Sounder, spectrum: NDArray[np.complex128], **changes: Any) -> BackToBack:
@@ -138,7 +138,7 @@ def make_bench(
     captured = np.fft.fft(np.fft.ifft(sent * spectrum) + offset)
     correlated = np.fft.ifft(captured * np.conj(np.fft.fft(held_template(waveform))))
     b2b = make_back_to_back(sounder, captured, **through)
-    return Bench(sounder, system, deembedding(b2b, correlated, sounder, 1.0))
+    return Bench(sounder, system, make_deembedding(b2b, correlated, sounder, 1.0))
 
 
 @pytest.fixture(scope="session")

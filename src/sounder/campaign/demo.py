@@ -24,7 +24,7 @@ from sounder.figures.files import draw_overlay, draw_product
 from sounder.processing.jobs import gather
 from sounder.processing.pipeline import process
 from sounder.twin.scene import load_scene
-from sounder.twin.simulate import simulate_campaign
+from sounder.twin.simulate import simulate
 
 OVERLAID = (("RX2_L", "RX9_L"), ("RX2_N", "RX3_N"))
 """Pairs of positions whose DAPS the letter draws into one diagram."""
@@ -54,7 +54,7 @@ def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     """
     loaded = load_scene(scene or shipped.scene("uma.toml"))
     with console.progress("simulating positions", len(loaded.receivers)) as advance:
-        recordings = simulate_campaign(loaded, out, progress=advance)
+        recordings = simulate(loaded, out, progress=advance)
     jobs, failures = gather(recordings, calibration=out / "back-to-back.h5")
     with console.progress("processing positions", len(jobs)) as advance:
         outcome = process(jobs, out / "products", progress=advance)

@@ -13,12 +13,12 @@ from erm.tracing.trace import trace
 from sounder import shipped
 from sounder.cir.impulse_response import calibrate
 from sounder.figures.products import daps_polar
-from sounder.instrument.description import Sounder, parse
+from sounder.instrument.description import Sounder, parse_sounder
 from sounder.instrument.waveform import PRIMITIVE
 from sounder.processing.position import Options, products_of
 from sounder.twin.receiver import record
 from sounder.twin.scene import Scene, load_scene
-from sounder.twin.simulate import calibration_of, environment_of
+from sounder.twin.simulate import back_to_back_of, environment_of
 
 ATTENUATION = 60.0
 """Loss of the back-to-back's attenuator where the shipped one is not measured over the band [dB]."""
@@ -48,7 +48,7 @@ def measure(campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable
     """
     scene = changed(campaign.instrument, change)
     filter_, mpcs, daps, snr = None, [empty_table()], {}, [np.empty(0)]
-    b2b = calibration_of(scene)
+    b2b = back_to_back_of(scene)
     for link in campaign.links:
         paths = trace(campaign.environment, link.tx, link.rx, campaign.frequency, max_order=campaign.max_order)
         recording = record(
@@ -112,7 +112,7 @@ def changed(scene: Scene, change: Change) -> Scene:
         update["faults"] = scene.faults.model_copy(update={"thermal_noise": None})
     if change.snapshots is not None:
         update["snapshots"] = change.snapshots
-    return scene.model_copy(update={"sounder": parse(tables, f"{sounder.name}, changed"), **update})
+    return scene.model_copy(update={"sounder": parse_sounder(tables, f"{sounder.name}, changed"), **update})
 
 
 def _set_bandwidth(tables: dict, sounder: Sounder, bandwidth: float) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from sounder.cir.matched_filter import Matched
+from sounder.cir.matched_filter import MatchedFilter
 from sounder.instrument.description import Sounder
 from sounder.instrument.waveform import held_template
 from sounder.recordings.recording import BackToBack
@@ -57,9 +57,9 @@ class Deembedding:
     sample_rate: float
 
     @cached_property
-    def matched(self) -> Matched:
+    def matched_filter(self) -> MatchedFilter:
         """What finds a single path in a CIR; the positions of a campaign share it."""
-        return Matched.of(self.weight, self.noise)
+        return MatchedFilter.of(self.weight, self.noise)
 
     def apply(self, correlation: NDArray[np.complexfloating]) -> Complex:
         """De-embed correlations.
@@ -89,7 +89,7 @@ def band_window(sounder: Sounder) -> Real:
     return 0.5 + 0.5 * np.cos(np.pi * inside)
 
 
-def deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounder, scale_factor: float) -> Deembedding:
+def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounder, scale_factor: float) -> Deembedding:
     """Make the de-embedding filter from a back-to-back recording.
 
     Parameters

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from sounder.cir.deembedding import Deembedding, deembedding
+from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.instrument.waveform import chips
 from sounder.kernels.correlation.clipping import count_rails
 from sounder.kernels.correlation.directions import processors
@@ -40,7 +40,7 @@ def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
     Raises
     ------
     DataError
-        The two do not belong together; see :func:`sounder.cir.deembedding.deembedding`.
+        The two do not belong together; see :func:`sounder.cir.deembedding.make_deembedding`.
     """
     waveform = recording.sounder.waveform
     captures = b2b.captures
@@ -52,7 +52,7 @@ def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
     mean = complex_captures.mean(axis=0, dtype=complex)
     if mean.size == waveform.samples:
         mean = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip).correlate_mean(mean)
-    return deembedding(b2b, mean, recording.sounder, recording.scale_factor)
+    return make_deembedding(b2b, mean, recording.sounder, recording.scale_factor)
 
 
 def clipped(captures: Captures) -> float:

@@ -159,7 +159,7 @@ class Sounder(Table):
 
     Examples
     --------
-    >>> sounder = load("calibration/sounder-132ghz.toml")  # doctest: +SKIP
+    >>> sounder = load_sounder("calibration/sounder-132ghz.toml")  # doctest: +SKIP
     >>> sounder.waveform.samples  # doctest: +SKIP
     1022
     """
@@ -199,7 +199,7 @@ class Sounder(Table):
         return self
 
 
-def parse(tables: dict[str, Any], source: str) -> Sounder:
+def parse_sounder(tables: dict[str, Any], source: str) -> Sounder:
     """Validate a description already read from TOML.
 
     Parameters
@@ -217,7 +217,7 @@ def parse(tables: dict[str, Any], source: str) -> Sounder:
     return Sounder.from_tables(tables, source)
 
 
-def load(path: Path | str) -> Sounder:
+def load_sounder(path: Path | str) -> Sounder:
     """Read a sounder description.
 
     The antenna cuts it names are read from the description's own folder.
@@ -231,4 +231,4 @@ def load(path: Path | str) -> Sounder:
     for antenna in (tables.get("tx_antenna"), tables.get("rx_antenna")):
         if isinstance(antenna, dict) and isinstance(antenna.get("cut"), str):
             antenna["cut"] = read_cut(Path(path).parent / antenna["cut"])
-    return parse(tables, str(path))
+    return parse_sounder(tables, str(path))

@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sounder.cir.deembedding import Deembedding
-from sounder.cir.matched_filter import OVER, Matched
+from sounder.cir.matched_filter import OVERSAMPLING, MatchedFilter
 from sounder.cir.power_spectrum import noise_power
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
@@ -99,7 +99,7 @@ def extract(
     azimuth, elevation = cir["azimuth"].values, cir["elevation"].values
     beams = np.array(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64, order="C")
     noise = noise_power(np.abs(beams) ** 2).astype(float)
-    matched = filter_.matched
+    matched = filter_.matched_filter
     pattern = Pattern.of(sounder.rx_antenna)
     widths = sounder.rx_antenna.hpbw_azimuth or 360.0, sounder.rx_antenna.hpbw_elevation or 180.0
     effort = np.array(EFFORT[method])
@@ -169,7 +169,7 @@ def _view(
     elevation: NDArray[np.float64],
     noise: NDArray[np.float64],
     pattern: Pattern,
-    matched: Matched,
+    matched: MatchedFilter,
     width_azimuth: float,
     width_elevation: float,
 ) -> View:
@@ -181,7 +181,7 @@ def _view(
         azimuth_cut=table_of(pattern.azimuth_cut),
         elevation_cut=table_of(pattern.elevation_cut),
         pulse=matched.pulse,
-        matched=matched.matched,
+        matched=matched.taps,
         limits=np.array(
             [
                 max(step_azimuth, width_azimuth / 2),
@@ -192,7 +192,7 @@ def _view(
                 matched.amplitude_variance,
             ]
         ),
-        grid=np.array([azimuth.size, elevation.size, int(around), OVER]),
+        grid=np.array([azimuth.size, elevation.size, int(around), OVERSAMPLING]),
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sounder.cir.deembedding import Deembedding
-from sounder.cir.matched_filter import OVER
+from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.kernels.extraction import columns
 from sounder.mpc.fitted import turn, write_path
@@ -74,8 +74,12 @@ class Scan:
         self.cuts = Cuts.of(pattern)
         self.beams, self.noise, self.looks, self.pattern, self.threshold = beams, noise, looks, pattern, threshold
         self.recorded = np.flatnonzero(np.isfinite(noise))
-        self.widths, self.pulse, self.spread = np.array(widths), filter_.matched.pulse, filter_.matched.delay_variance
-        self.window = cache(lambda size: Window.of(filter_.matched, filter_.noise, size))
+        self.widths, self.pulse, self.spread = (
+            np.array(widths),
+            filter_.matched_filter.pulse,
+            filter_.matched_filter.delay_variance,
+        )
+        self.window = cache(lambda size: Window.of(filter_.matched_filter, filter_.noise, size))
 
     def since(self, delay: Real, first: Real | float) -> Real:
         """Delays after another [sample], the short way round."""
@@ -183,10 +187,10 @@ def _beams(
     samples = np.arange(size)
     data = scan.beams[np.ix_(which, (first + samples) % scan.beams.shape[1])].astype(complex)
     late = scan.since(found[:, columns.DELAY], first)
-    reach = scan.pulse.size / OVER / 2
+    reach = scan.pulse.size / OVERSAMPLING / 2
     others = np.flatnonzero((late > -reach) & (late < size + reach))
     others = others[~np.isin(others, group)]
-    place = np.rint((samples - late[others, None]) * OVER).astype(int) + scan.pulse.size // 2
+    place = np.rint((samples - late[others, None]) * OVERSAMPLING).astype(int) + scan.pulse.size // 2
     inside = (place >= 0) & (place < scan.pulse.size)
     theirs = taken[np.ix_(others, which)]
     data -= theirs.T @ np.where(inside, scan.pulse[np.where(inside, place, 0)], 0)

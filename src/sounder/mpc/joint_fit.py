@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.cir.matched_filter import OVER, Matched
-from sounder.cir.whitening import whitener
+from sounder.cir.matched_filter import OVERSAMPLING, MatchedFilter, whitening_matrix
 from sounder.mpc.pattern_slopes import Cuts, slopes
 from sounder.mpc.two_paths_fit import AZIMUTH, DELAY, ELEVATION, LEVEL, Beams
 
@@ -47,7 +46,7 @@ class Window:
     whitener : array complex (combination, sample)
         To unit noise in each combination, for noise of power 1 a sample.
     pulse, slope : array complex (point, combination)
-        Whitened pulses of amplitude 1 that arrive ``OVER / COARSE`` to a sample, and their derivatives [1/sample].
+        Whitened pulses of amplitude 1 , ``OVERSAMPLING / COARSE`` a sample, and their derivatives [1/sample].
     """
 
     whitener: Complex
@@ -55,18 +54,22 @@ class Window:
     slope: Complex
 
     @classmethod
-    def of(cls, matched: Matched, noise: Real, size: int) -> "Window":
+    def of(cls, matched: MatchedFilter, noise: Real, size: int) -> "Window":
         """Tables for ``size`` samples in noise of a density (sample,), mean 1."""
         lags = np.arange(size)
-        white = whitener(noise, size)
-        point = matched.pulse.size // 2 + OVER * lags - COARSE * np.arange((size - 1) * OVER // COARSE + 1)[:, None]
+        white = whitening_matrix(noise, size)
+        point = (
+            matched.pulse.size // 2
+            + OVERSAMPLING * lags
+            - COARSE * np.arange((size - 1) * OVERSAMPLING // COARSE + 1)[:, None]
+        )
         inside = (point >= 0) & (point < matched.pulse.size)
         pulse = np.where(inside, matched.pulse[np.where(inside, point, 0)], 0) @ white.T
-        return cls(white, pulse, np.gradient(pulse, COARSE / OVER, axis=0))
+        return cls(white, pulse, np.gradient(pulse, COARSE / OVERSAMPLING, axis=0))
 
     def at(self, delay: Real) -> tuple[Complex, Complex]:
         """Pulse and slope (path, combination) at delays (path,)."""
-        place = np.clip(delay * (OVER // COARSE), 0, len(self.pulse) - 1.001)
+        place = np.clip(delay * (OVERSAMPLING // COARSE), 0, len(self.pulse) - 1.001)
         left = place.astype(int)
         right = (place - left)[:, None]
         before, after = self.pulse[left], self.pulse[left + 1]

@@ -33,9 +33,9 @@ def tabulate(
 
     The covariance is that of the least-squares fits, with the noise power as variance, or the fit's own residual where
     that is more than noise leaves. The delay's is ``N V / sum_b a_b^2`` with the path's amplitude ``a_b`` in a beam,
-    the noise power ``N``, and ``V`` of :class:`sounder.cir.matched_filter.Matched`; with a phase of its own in every
-    beam it is independent of the others. Both are widened for other paths, and the delay's holds the clock's. Those of
-    elevation and gain reach, besides, to directions outside the fan that the beams do not exclude.
+    the noise power ``N``, and ``V`` of :class:`sounder.cir.matched_filter.MatchedFilter`; with a phase of its own in
+    every beam it is independent of the others. Both are widened for other paths, and the delay's holds the clock's. Those
+    of elevation and gain reach, besides, to directions outside the fan that the beams do not exclude.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def _covariance(found: Real, noise: Real, filter_: Deembedding, wider: Real) -> 
     energy = found[:, component.AMPLITUDE] ** 2 * found[:, component.ENERGY]
     per_amplitude = NEPER / found[:, component.AMPLITUDE]
     covariance = np.zeros((len(found), 4, 4))
-    covariance[:, 0, 0] = wider[:, 0] * noise * filter_.matched.delay_variance / energy / filter_.sample_rate**2
+    covariance[:, 0, 0] = wider[:, 0] * noise * filter_.matched_filter.delay_variance / energy / filter_.sample_rate**2
     up, stronger = found[:, component.ELEVATION_SPREAD], found[:, component.AMPLITUDE_SPREAD]
     for i, j, column, scale, spread in (
         (1, 1, component.VAR_AZIMUTH, 1.0, 0.0),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sounder.cir.deembedding import Deembedding
-from sounder.cir.matched_filter import OVER
+from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.kernels.extraction import columns
 from sounder.mpc.fitted import turn, write_path
@@ -81,8 +81,8 @@ def split(
     recorded = np.flatnonzero(np.isfinite(noise))
     up = looks[recorded, 1]
     fan = np.array([up.min() - widths[1] / 2, up.max() + widths[1] / 2]) if up.size else np.zeros(2)
-    sight = Sight(Samples.of(filter_.matched, filter_.noise), pattern, widths, fan, Cuts.of(pattern))
-    spread = filter_.matched.delay_variance
+    sight = Sight(Samples.of(filter_.matched_filter, filter_.noise), pattern, widths, fan, Cuts.of(pattern))
+    spread = filter_.matched_filter.delay_variance
     kept, pair, pairs, sums, tries = np.ones(len(found), bool), np.full(len(found), -1), [], [], 0
     for group in _groups(found, widths[0]):
         strongest = found[group[0]]
@@ -152,11 +152,11 @@ def _restored(
     filter_: Deembedding,
 ) -> NDArray[np.complex128]:
     """Samples (beam, sample) about a delay, less the MPCs that arrive so much later; infinite for those to stay."""
-    pulse = filter_.matched.pulse
+    pulse = filter_.matched_filter.pulse
     samples = np.arange(-SAMPLES, SAMPLES + 1)
     data = beams[np.ix_(which, (first + samples) % beams.shape[1])].astype(complex)
-    others = np.flatnonzero(np.abs(late) < pulse.size / OVER / 2 + SAMPLES)
-    place = np.rint((samples - late[others, None]) * OVER).astype(int) + pulse.size // 2
+    others = np.flatnonzero(np.abs(late) < pulse.size / OVERSAMPLING / 2 + SAMPLES)
+    place = np.rint((samples - late[others, None]) * OVERSAMPLING).astype(int) + pulse.size // 2
     inside = (place >= 0) & (place < pulse.size)
     shapes = np.where(inside, pulse[np.where(inside, place, 0)], 0)
     data -= taken[np.ix_(others, which)].T @ shapes

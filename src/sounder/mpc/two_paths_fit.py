@@ -27,8 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.cir.matched_filter import OVER, Matched
-from sounder.cir.whitening import whitener
+from sounder.cir.matched_filter import OVERSAMPLING, MatchedFilter, whitening_matrix
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.mpc.pattern_slopes import Cuts, slopes
 
@@ -59,7 +58,7 @@ class Samples:
     whitener : array complex (combination, sample)
         To unit noise in each combination, for noise of power 1 a sample.
     pulse, slope : array complex (point, combination)
-        Pulses `OVER` points a sample, from ``-REACH`` to ``REACH``, and their derivatives by delay [1/sample].
+        Pulses `OVERSAMPLING` points a sample, from ``-REACH`` to ``REACH``, and their derivatives by delay [1/sample].
     """
 
     whitener: Complex
@@ -67,21 +66,21 @@ class Samples:
     slope: Complex
 
     @classmethod
-    def of(cls, matched: Matched, noise: Real) -> "Samples":
+    def of(cls, matched: MatchedFilter, noise: Real) -> "Samples":
         """Tables for noise of a density (sample,), mean 1."""
         lags = np.arange(2 * SAMPLES + 1)
-        white = whitener(noise, lags.size)
+        white = whitening_matrix(noise, lags.size)
         middle = matched.pulse.size // 2
-        points = np.arange(-int(REACH * OVER), int(REACH * OVER) + 1)
-        pulses = matched.pulse[middle + OVER * (lags - SAMPLES) - points[:, None]] @ white.T
+        points = np.arange(-int(REACH * OVERSAMPLING), int(REACH * OVERSAMPLING) + 1)
+        pulses = matched.pulse[middle + OVERSAMPLING * (lags - SAMPLES) - points[:, None]] @ white.T
         _, strength, right = np.linalg.svd(pulses, full_matrices=False)
         seen = right[strength > FAINT * strength[0]]
         pulses = pulses @ seen.conj().T
-        return cls(seen.conj() @ white, pulses, np.gradient(pulses, 1 / OVER, axis=0))
+        return cls(seen.conj() @ white, pulses, np.gradient(pulses, 1 / OVERSAMPLING, axis=0))
 
     def at(self, delay: Real) -> tuple[Complex, Complex]:
         """Pulse and slope (..., combination) at delays (...)."""
-        place = (np.clip(delay, -REACH, REACH) + REACH) * OVER
+        place = (np.clip(delay, -REACH, REACH) + REACH) * OVERSAMPLING
         left = np.minimum(place.astype(int), len(self.pulse) - 2)
         right = (place - left)[..., None]
         return tuple(table[left] * (1 - right) + table[left + 1] * right for table in (self.pulse, self.slope))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sounder.cir.deembedding import Deembedding
-from sounder.cir.matched_filter import OVER
+from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.kernels.extraction import columns
 from sounder.kernels.extraction.columns import NEAR
@@ -106,18 +106,18 @@ def scatter(found: Real, left: NDArray[np.complex64], noise: Real, seen: Seen, f
     -------
     array (mpc,)
     """
-    table = np.gradient(filter_.matched.matched)
+    table = np.gradient(filter_.matched_filter.taps)
     middle = table.size // 2
-    reach = middle // OVER - 1
+    reach = middle // OVERSAMPLING - 1
     taps = np.arange(-reach, reach + 1)
     correlation = np.fft.ifft(filter_.noise)
-    at_rest = table[middle + taps * OVER]
+    at_rest = table[middle + taps * OVERSAMPLING]
     power = np.einsum("i,ij,j->", at_rest, correlation[taps[:, None] - taps], at_rest.conj()).real
     shown = np.empty(len(found))
     for p, (beam, weight) in enumerate(zip(seen.beam, seen.weight, strict=True)):
         delay = found[p, columns.DELAY]
         samples = int(np.floor(delay + 0.5)) + taps
-        slope = table[np.rint(middle + (samples - delay) * OVER).astype(int)]
+        slope = table[np.rint(middle + (samples - delay) * OVERSAMPLING).astype(int)]
         moved = np.abs(left[beam[:, None], samples % left.shape[1]] @ slope) ** 2
         shown[p] = np.sum(weight * np.where(weight > 0, moved / noise[beam], 0.0)) / (1 - np.sum(weight**2) / 2)
     return shown / power
@@ -157,8 +157,8 @@ def unresolved(
     cell = 1 / np.ptp(np.fft.fftfreq(size)[filter_.weight > 0])
     nearest, farthest = (round(cells * cell) for cells in BESIDE)
     ring = np.arange(nearest, farthest + 1)
-    pulse = np.abs(filter_.matched.pulse) ** 2
-    axis = (np.arange(pulse.size) - pulse.size // 2) / OVER
+    pulse = np.abs(filter_.matched_filter.pulse) ** 2
+    axis = (np.arange(pulse.size) - pulse.size // 2) / OVERSAMPLING
     pulse[np.abs(axis) > LOBE * cell] = 0.0
     power = seen.power * found[:, columns.AMPLITUDE, None] ** 2
     density = np.empty((len(found), 2))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from erm.common.errors import DataError
 from sounder import shipped
-from sounder.instrument.description import Sounder, load
+from sounder.instrument.description import Sounder, load_sounder
 from sounder.recordings import foreign, native
 from sounder.recordings import layout as layouts
 from sounder.recordings.open import open_recordings
@@ -81,7 +81,7 @@ def gather(
     if layout is not None:
         layouts.load(layout)
     if sounder is not None:
-        load(sounder)
+        load_sounder(sounder)
     jobs: list[Job] = []
     failures: list[str] = []
     for path in paths:
@@ -146,7 +146,7 @@ def open_file(
     DataError
         The file, the layout or the description cannot be used.
     """
-    described = None if sounder is None else load(sounder)
+    described = None if sounder is None else load_sounder(sounder)
     if layout is None:
         return open_recordings(path, described), None
     plan = layouts.load(layout)
@@ -156,7 +156,9 @@ def open_file(
 
 def _unnamed(layout: Path) -> Sounder:
     """The shipped description as what a layout overrides; the instrument is another, so its name is not kept."""
-    return load(shipped.calibration("sounder-132ghz.toml")).model_copy(update={"name": f"sounder of {layout.name}"})
+    return load_sounder(shipped.calibration("sounder-132ghz.toml")).model_copy(
+        update={"name": f"sounder of {layout.name}"}
+    )
 
 
 def reopen(source: Source) -> Job:

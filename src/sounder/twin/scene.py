@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from erm.common.errors import DataError
 from sounder import shipped
-from sounder.instrument.description import Sounder, load
+from sounder.instrument.description import Sounder, load_sounder
 from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, read_toml
 from sounder.twin.faults import Faults
 
@@ -201,5 +201,5 @@ def load_scene(path: Path | str) -> Scene:
     named = tables.get("sounder")
     if named is not None and not isinstance(named, str):
         raise DataError(f"{path}: sounder is {named!r}; expected the name of a description, a TOML file")
-    tables["sounder"] = load(path.parent / named if named else shipped.calibration("sounder-132ghz.toml"))
+    tables["sounder"] = load_sounder(path.parent / named if named else shipped.calibration("sounder-132ghz.toml"))
     return Scene.from_tables(tables, path, file=path).northward()

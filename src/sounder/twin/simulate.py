@@ -17,7 +17,7 @@ from sounder.instrument.touchstone import read_s21
 from sounder.recordings.recording import BackToBack, Recording
 from sounder.recordings.writer import write_back_to_back, write_recording
 from sounder.twin.receiver import back_to_back, record
-from sounder.twin.scene import Receiver, Scene, Surroundings
+from sounder.twin.scene import Receiver, Scene, Surroundings, load_scene
 
 
 def environment_of(scene: Scene) -> Environment:
@@ -58,27 +58,14 @@ def _built(drawn: Surroundings) -> Environment:
     )
 
 
-def simulate(scene: Scene) -> Iterator[tuple[Recording, xr.Dataset]]:
-    """Simulate the positions of a scene one after the other.
-
-    Yields
-    ------
-    recording : Recording
-        Its captures are made when they are read.
-    paths : xarray.Dataset
-        Of `erm.tracing.trace.trace`: what the recording was made from.
+def trace_scene(scene: Scene, environment: Environment) -> list[xr.Dataset]:
+    """Trace the paths to each receiver of a scene, with `erm.tracing.trace.trace`.
 
     Raises
     ------
     DataError
-        The environment cannot be read, or shows a position that should be in line of sight not to be, or the other
-        way round.
+        A position states ``los``, and the environment contradicts it.
     """
-    yield from _recorded(scene, _traced(scene, environment_of(scene)))
-
-
-def _traced(scene: Scene, environment: Environment) -> list[xr.Dataset]:
-    """Paths to each receiver: all that can contradict the scene is known before anything is recorded."""
     frequency = scene.sounder.carrier.frequency
     found = []
     for receiver in scene.receivers:
@@ -89,9 +76,10 @@ def _traced(scene: Scene, environment: Environment) -> list[xr.Dataset]:
     return found
 
 
-def _recorded(scene: Scene, traced: Sequence[xr.Dataset]) -> Iterator[tuple[Recording, xr.Dataset]]:
+def record_scene(scene: Scene, traced: Sequence[xr.Dataset]) -> Iterator[Recording]:
+    """Record each position of a scene from its traced paths; captures are made when they are read."""
     for receiver, paths in zip(scene.receivers, traced, strict=True):
-        recording = record(
+        yield record(
             paths,
             scene.sounder,
             name=receiver.name,
@@ -102,7 +90,6 @@ def _recorded(scene: Scene, traced: Sequence[xr.Dataset]) -> Iterator[tuple[Reco
             faults=scene.faults,
             seed=scene.seed,
         )
-        yield recording, paths
 
 
 def _require_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) -> None:
@@ -115,7 +102,7 @@ def _require_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) -> None:
         )
 
 
-def calibration_of(scene: Scene) -> BackToBack:
+def back_to_back_of(scene: Scene) -> BackToBack:
     """Back-to-back recording of a scene's sounder through its attenuator.
 
     Raises
@@ -132,19 +119,18 @@ def calibration_of(scene: Scene) -> BackToBack:
     return back_to_back(scene.sounder, measured, faults=scene.faults, seed=scene.seed)
 
 
-def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[], None] | None = None) -> list[Path]:
-    """Simulate a scene and write it.
-
-    ``out`` gets ``back-to-back.h5``, ``raw/NAME.h5`` for each position, ``truth/environment.geojson`` and
-    ``truth/paths.h5``: the paths of all positions on one dimension ``path``, with the variables of
-    `erm.tracing.trace.trace` and ``position``.
+def simulate(scene: Scene | Path | str, out: Path | str, *, progress: Callable[[], None] | None = None) -> list[Path]:
+    """Simulate the raw recordings of a scene and write them with their truth.
 
     Parameters
     ----------
-    scene : Scene
-        From `sounder.twin.scene.load_scene`.
+    scene : Scene or path
+        Environment, positions, sounder and faults: a scene file (TOML), or what
+        :func:`sounder.twin.scene.load_scene` reads from one.
     out : path
-        Folder; made if it is not there.
+        Folder; made if it is not there. It gets ``back-to-back.h5``, ``raw/NAME.h5`` for each position,
+        ``truth/environment.geojson`` and ``truth/paths.h5``. The latter holds the paths of all positions along
+        ``path``: the variables of :func:`erm.tracing.trace.trace` and ``position``.
     progress : callable, optional
         Called after each position.
 
@@ -156,19 +142,19 @@ def simulate_campaign(scene: Scene, out: Path | str, *, progress: Callable[[], N
     Raises
     ------
     DataError
-        The scene contradicts its environment, or the folder cannot be written to.
+        The scene cannot be read, contradicts its environment, or the folder cannot be written to.
     """
-    out = Path(out)
+    scene, out = scene if isinstance(scene, Scene) else load_scene(scene), Path(out)
     history = f"sounder simulate {scene.name}"
-    environment, b2b = environment_of(scene), calibration_of(scene)
-    traced = _traced(scene, environment)
+    environment, b2b = environment_of(scene), back_to_back_of(scene)
+    traced = trace_scene(scene, environment)
     write_back_to_back(b2b, out / "back-to-back.h5", history=history)
     drawn_in = [scene.environment.file] if scene.environment.file else []
     environment.reflectors.attrs.update(provenance("Environment that was simulated", history, inputs=drawn_in))
     write_map(environment, out / "truth" / "environment.geojson")
     recordings: list[Path] = []
     truth: list[xr.Dataset] = []
-    for recording, paths in _recorded(scene, traced):
+    for recording, paths in zip(record_scene(scene, traced), traced, strict=True):
         target = out / "raw" / f"{recording.name}.h5"
         write_recording(recording, target, history=history)
         truth.append(paths.assign(position=("path", np.full(paths.sizes["path"], recording.name))))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from erm.common.errors import DataError
-from sounder.cir.deembedding import REGULARISATION, band_window, deembedding
+from sounder.cir.deembedding import REGULARISATION, band_window, make_deembedding
 from sounder.instrument.waveform import PRIMITIVE, band_limited_template, held_template, m_sequence
 
 SAMPLE = 1 / 1.2e9
@@ -189,20 +189,20 @@ def test_another_sounders_back_to_back_is_refused(description, back_to_back_make
     def correlated(b2b):
         return np.fft.ifft(np.fft.fft(b2b.captures[0]) * np.conj(np.fft.fft(held_template(ours.waveform))))
 
-    deembedding(good, correlated(good), ours, 1.0)
+    make_deembedding(good, correlated(good), ours, 1.0)
 
     faster = description(waveform={"chip_rate": 700e6, "sample_rate": 1.4e9})
     with pytest.raises(
         DataError, match=r"b2b\.h5: back-to-back of another sounder: sample rate .* 1\.4e\+09.*1\.2e\+09"
     ):
-        deembedding(replace(good, sounder=faster), correlated(good), ours, 1.0)
+        make_deembedding(replace(good, sounder=faster), correlated(good), ours, 1.0)
     elsewhere = description(carrier={"frequency": 138e9, "lo_frequency": 22e9})
     with pytest.raises(DataError, match=r"carrier \[Hz\] 1\.38e\+11, the recording has 1\.32e\+11"):
-        deembedding(replace(good, sounder=elsewhere), correlated(good), ours, 1.0)
+        make_deembedding(replace(good, sounder=elsewhere), correlated(good), ours, 1.0)
     longer = description(waveform={"order": 10, "polynomial": (10, 3, 0)})
     captures = np.zeros((1, longer.waveform.samples), np.complex64)
     with pytest.raises(DataError, match="samples a capture 2046, the recording has 1022"):
-        deembedding(replace(good, captures=captures, sounder=longer), correlated(good), ours, 1.0)
+        make_deembedding(replace(good, captures=captures, sounder=longer), correlated(good), ours, 1.0)
 
 
 @pytest.mark.parametrize("order", [7, 9, 10])
@@ -221,14 +221,14 @@ def test_back_to_back_of_another_sequence_of_the_same_length_is_refused(
     for decimation in others:
         sent = np.fft.fft(np.repeat(1.0 - 2.0 * bits[decimation * n % length], 2)) * bench.system
         with pytest.raises(DataError, match="does not stand out"):
-            deembedding(back_to_back_maker(ours, sent), np.fft.ifft(sent * np.conj(template)), ours, 1.0)
+            make_deembedding(back_to_back_maker(ours, sent), np.fft.ifft(sent * np.conj(template)), ours, 1.0)
 
 
 def test_empty_back_to_back_is_refused(description, back_to_back_maker):
     sounder = description()
     b2b = back_to_back_maker(sounder, np.zeros(1022))
     with pytest.raises(DataError, match=r"b2b\.h5: all back-to-back samples are zero; record it again"):
-        deembedding(b2b, np.zeros(1022, complex), sounder, 1.0)
+        make_deembedding(b2b, np.zeros(1022, complex), sounder, 1.0)
 
 
 def test_attenuator_that_was_not_measured_over_the_band_is_refused(bench_maker):

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from sounder.cir.matched_filter import OVER
+from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.mpc.cramer_rao import Band
 
 
 def taps(table, delay, reach):
-    place = (np.arange(-reach, reach + 1) - delay) * OVER + (table.size - 1) / 2
+    place = (np.arange(-reach, reach + 1) - delay) * OVERSAMPLING + (table.size - 1) / 2
     left = np.floor(place).astype(int)
     right = place - left
     return table[left] * (1 - right) + table[left + 1] * right
@@ -16,8 +16,8 @@ def taps(table, delay, reach):
 
 def measured(matched, row, delay):
     """Amplitude of a path at ``delay`` samples in a row of CIR."""
-    reach = matched.matched.size // (2 * OVER) - 1
-    filter_, pulse = taps(matched.matched, delay, reach), taps(matched.pulse, delay, reach)
+    reach = matched.taps.size // (2 * OVERSAMPLING) - 1
+    filter_, pulse = taps(matched.taps, delay, reach), taps(matched.pulse, delay, reach)
     return row[np.arange(-reach, reach + 1)] @ filter_ / (pulse @ filter_)
 
 
@@ -25,7 +25,7 @@ def measured(matched, row, delay):
 def test_errors_are_as_stated_and_near_the_bound(bench_maker, seed):
     """Amplitude and delay of a path in noise of one beam, through a random instrument, at any place between samples."""
     bench = bench_maker(seed=seed)
-    matched, size = bench.filter_.matched, bench.filter_.weight.size
+    matched, size = bench.filter_.matched_filter, bench.filter_.weight.size
     rng = np.random.default_rng(7)
     draws, step, sigma = 600, 0.05, 1e-2
     noise = sigma * bench.noise(rng, draws)
@@ -52,8 +52,8 @@ def test_errors_are_as_stated_and_near_the_bound(bench_maker, seed):
 def test_no_other_filter_of_the_samples_is_much_better(bench_maker):
     """Best linear unbiased: ``1 / (p^H C^-1 p)``, C the covariance of noise in the samples that the filter uses."""
     bench = bench_maker(seed=5)
-    matched, noise = bench.filter_.matched, bench.filter_.noise
-    reach = matched.matched.size // (2 * OVER) - 1
+    matched, noise = bench.filter_.matched_filter, bench.filter_.noise
+    reach = matched.taps.size // (2 * OVERSAMPLING) - 1
     covariance = np.fft.ifft(noise)
     place = np.arange(-reach, reach + 1)
     c = covariance[(place[:, None] - place) % noise.size]

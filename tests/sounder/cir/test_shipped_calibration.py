@@ -7,7 +7,7 @@ import pytest
 
 from sounder import shipped
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.instrument.description import load
+from sounder.instrument.description import load_sounder
 from sounder.instrument.touchstone import read_s21
 from sounder.instrument.waveform import identify
 from sounder.processing.summary import describe_back_to_back
@@ -19,7 +19,7 @@ B2B = "back-to-back-132ghz.h5"
 
 @pytest.fixture(scope="module")
 def sounder():
-    return load(shipped.calibration("sounder-132ghz.toml"))
+    return load_sounder(shipped.calibration("sounder-132ghz.toml"))
 
 
 @pytest.fixture(scope="module")

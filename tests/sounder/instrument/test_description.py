@@ -7,7 +7,7 @@ import pytest
 
 from erm.common.errors import DataError
 from sounder import shipped
-from sounder.instrument.description import Sounder, load, parse
+from sounder.instrument.description import Sounder, load_sounder, parse_sounder
 
 SHIPPED = shipped.calibration("sounder-132ghz.toml")
 
@@ -32,7 +32,7 @@ def edited(tmp_path: Path):
 
 
 def test_the_shipped_sounder_is_the_letters():
-    sounder = load(SHIPPED)
+    sounder = load_sounder(SHIPPED)
     assert sounder.carrier.frequency == 132e9 == 6 * 21e9 + 6e9
     assert sounder.waveform.samples == 1022
     assert sounder.waveform.period == pytest.approx(1022 / 1.2e9)
@@ -42,7 +42,7 @@ def test_the_shipped_sounder_is_the_letters():
 
 
 def test_a_description_survives_its_own_text():
-    sounder = load(SHIPPED)
+    sounder = load_sounder(SHIPPED)
     assert Sounder.model_validate_json(sounder.model_dump_json()) == sounder
 
 
@@ -63,7 +63,7 @@ def test_another_sounder_is_another_file_and_no_code(edited):
         scan__elevation="elevation = [0]",
         processing__bandwidth="",
     )
-    sounder = load(path)
+    sounder = load_sounder(path)
     assert sounder.waveform.chips == 2047
     assert sounder.waveform.samples == 6141
     assert sounder.bandwidth == pytest.approx(0.9 * 2e9)  # the main lobe is two chip rates wide, narrower than 3 GHz
@@ -125,7 +125,7 @@ def test_another_sounder_is_another_file_and_no_code(edited):
 def test_what_does_not_fit_is_named_in_one_line(edited, replaced, told):
     path = edited(**replaced)
     with pytest.raises(DataError) as error:
-        load(path)
+        load_sounder(path)
     message = str(error.value)
     assert message.startswith(f"{path}: ")
     assert told in message
@@ -133,15 +133,15 @@ def test_what_does_not_fit_is_named_in_one_line(edited, replaced, told):
 
 
 def test_a_scan_names_no_direction_twice():
-    tables = load(SHIPPED).model_dump()
+    tables = load_sounder(SHIPPED).model_dump()
     tables["scan"]["azimuth"] = [0.0, 180.0, 360.0]
     with pytest.raises(DataError, match="azimuth goes round more than once"):
-        parse(tables, "x")
+        parse_sounder(tables, "x")
 
 
 def test_a_description_cannot_be_changed():
     with pytest.raises(ValueError, match="frozen"):
-        load(SHIPPED).waveform.order = 10  # type: ignore[misc] # what is tested
+        load_sounder(SHIPPED).waveform.order = 10  # type: ignore[misc] # what is tested
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_an_antenna_cut_that_is_none_is_told(edited, tmp_path, content, told):
     if content is not None:
         cut.write_text(content, encoding="utf-8")
     with pytest.raises(DataError) as error:
-        load(path)
+        load_sounder(path)
     assert told in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -174,7 +174,7 @@ def test_comments_in_a_cut_are_passed_over(edited, tmp_path):
     (tmp_path / "horn-132ghz.csv").write_text(
         "# a horn\nangle,azimuth,elevation\n# left\n-90,-20,-19\n0,0,0\n90,-20,-21\n\n", encoding="utf-8"
     )
-    cut = load(edited()).rx_antenna.cut
+    cut = load_sounder(edited()).rx_antenna.cut
     assert cut is not None
     assert cut.elevation == (-19, 0, -21)
 
@@ -187,4 +187,4 @@ def test_a_file_that_is_no_toml_is_told(tmp_path, content, told):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(DataError, match=told):
-        load(path)
+        load_sounder(path)

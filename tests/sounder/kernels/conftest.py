@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from sounder.cir.matched_filter import OVER
+from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.kernels.correlation import avx512_instructions
 from sounder.kernels.extraction.scan_view import View, beams_of, table_of
@@ -62,7 +62,9 @@ class Hann:
 
     @classmethod
     def table(cls, reach: int = reach) -> npt.NDArray[np.complex128]:
-        return cls.at(np.arange(-(reach + 1) * OVER, (reach + 1) * OVER + 1) / OVER).astype(complex)
+        return cls.at(np.arange(-(reach + 1) * OVERSAMPLING, (reach + 1) * OVERSAMPLING + 1) / OVERSAMPLING).astype(
+            complex
+        )
 
     @classmethod
     def row(cls, delay: float, size: int) -> npt.NDArray[np.float64]:
@@ -90,7 +92,7 @@ def make_view() -> Callable[..., View]:
             limits=np.array(
                 [10, -27, 27, 9, pattern.floor * np.log(10) / 20, 1 / np.sum(Hann.at(np.arange(-3, 4)) ** 2)]
             ),
-            grid=np.array([*grid, OVER]),
+            grid=np.array([*grid, OVERSAMPLING]),
         )
 
     return make

@@ -6,7 +6,7 @@ import xarray as xr
 
 from sounder import shipped
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.instrument.description import load
+from sounder.instrument.description import load_sounder
 from sounder.mpc.elevation_gain import with_ridge
 
 LOOKS = np.arange(0.0, 360.0, 10.0), np.array([-9.0, 0.0, 9.0])
@@ -15,7 +15,7 @@ LOOKS = np.arange(0.0, 360.0, 10.0), np.array([-9.0, 0.0, 9.0])
 @pytest.fixture
 def pattern():
     """A horn whose lobe is Gaussian down to -30 dB."""
-    antenna = load(shipped.calibration("sounder-132ghz.toml")).rx_antenna
+    antenna = load_sounder(shipped.calibration("sounder-132ghz.toml")).rx_antenna
     return Pattern.of(antenna.model_copy(update={"pattern": "gaussian", "cut": None}))
 
 

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from scipy.constants import k as boltzmann
 
 from sounder import shipped
-from sounder.instrument.description import load
+from sounder.instrument.description import load_sounder
 from sounder.instrument.waveform import band_limited_template
 from sounder.recordings import native
 from sounder.recordings.writer import write_recording
@@ -25,7 +25,7 @@ from sounder.twin.faults import (
 )
 from sounder.twin.receiver import back_to_back, record, transfer_functions
 
-SOUNDER = load(shipped.calibration("sounder-132ghz.toml"))
+SOUNDER = load_sounder(shipped.calibration("sounder-132ghz.toml"))
 FREQUENCY = np.fft.fftfreq(SOUNDER.waveform.samples, 1 / SOUNDER.waveform.sample_rate)
 IN_BAND = (np.abs(FREQUENCY) < SOUNDER.bandwidth / 2) & (FREQUENCY != 0)
 AHEAD = 7, 1  # index of azimuth 70 degree, elevation 0

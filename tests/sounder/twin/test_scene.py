@@ -17,7 +17,7 @@ from sounder.instrument.antenna_pattern import Pattern
 from sounder.recordings import native
 from sounder.twin.faults import Faults
 from sounder.twin.scene import load_scene
-from sounder.twin.simulate import calibration_of, environment_of, simulate, simulate_campaign
+from sounder.twin.simulate import back_to_back_of, environment_of, record_scene, simulate, trace_scene
 
 SMALL = """
 name = "one wall"
@@ -64,7 +64,7 @@ def test_files_are_looked_for_beside_the_scene(tmp_path):
     head = NORTH[: NORTH.index("[[environment.walls]]")]
     scene = load_scene(written(tmp_path, head + '[environment]\nfile = "place.geojson"\n'))
     assert environment_of(scene).reflectors.sizes["reflector"] == 1
-    (_, paths), _ = simulate(scene)
+    paths, _ = trace_scene(scene, environment_of(scene))
     assert paths.order.values.tolist() == [0, 1]
 
 
@@ -105,16 +105,16 @@ def test_a_scene_that_does_not_fit_is_refused_by_name(tmp_path, text, said):
 def test_a_line_of_sight_that_is_not_there_is_refused(tmp_path):
     scene = load_scene(written(tmp_path, NORTH.replace("position = [40, -5, 2]", "position = [40, -25, 2]")))
     with pytest.raises(DataError, match="A is not in line of sight of TX"):
-        list(simulate(scene))
+        trace_scene(scene, environment_of(scene))
     scene = load_scene(written(tmp_path, NORTH.replace("los = true", "los = false")))
     with pytest.raises(DataError, match="A is in line of sight of TX"):
-        list(simulate(scene))
+        trace_scene(scene, environment_of(scene))
 
 
 def test_a_scene_that_cannot_be_leaves_nothing_behind(tmp_path):
     for text in (NORTH.replace("top = 30", 'material = "cheese"'), NORTH.replace("los = true", "los = false")):
         with pytest.raises(DataError):
-            simulate_campaign(load_scene(written(tmp_path, text)), tmp_path / "out")
+            simulate(load_scene(written(tmp_path, text)), tmp_path / "out")
         assert not (tmp_path / "out").exists()
 
 
@@ -125,17 +125,18 @@ def test_unknown_material_and_unsuited_attenuator_are_refused(tmp_path):
     (tmp_path / "low.s2p").write_text("# GHz S RI R 50\n1 0 0 1e-3 0 1e-3 0 0 0\n2 0 0 1e-3 0 1e-3 0 0 0\n")
     scene = load_scene(written(tmp_path, 'attenuator = "low.s2p"\n' + NORTH))
     with pytest.raises(DataError, match=r"131\.460 to 132\.540 GHz"):
-        calibration_of(scene)
-    assert calibration_of(load_scene(written(tmp_path, "attenuator = 50\n" + NORTH))).attenuation == 50
+        back_to_back_of(scene)
+    assert back_to_back_of(load_scene(written(tmp_path, "attenuator = 50\n" + NORTH))).attenuation == 50
 
 
 def test_campaign_on_disk_is_the_simulated_one_and_the_truth_beside_it(tmp_path):
     scene = load_scene(written(tmp_path, NORTH))
     steps = []
-    files = simulate_campaign(scene, tmp_path / "out", progress=lambda: steps.append(1))
+    files = simulate(scene, tmp_path / "out", progress=lambda: steps.append(1))
     assert [file.name for file in files] == ["A.h5", "B.h5"]
     assert len(steps) == 2
-    for file, (recording, paths) in zip(files, simulate(scene), strict=True):
+    traced = trace_scene(scene, environment_of(scene))
+    for file, recording, paths in zip(files, record_scene(scene, traced), traced, strict=True):
         (read,) = native.recordings(file)
         assert read.los == 1
         assert read.rx_position == pytest.approx(recording.rx_position)
@@ -150,10 +151,10 @@ def test_campaign_on_disk_is_the_simulated_one_and_the_truth_beside_it(tmp_path)
 
 
 def test_same_seed_gives_the_same_samples_on_disk(tmp_path):
-    scene = load_scene(written(tmp_path, NORTH))
+    written(tmp_path, NORTH)
     stored = []
     for name in ("first", "again"):
-        simulate_campaign(scene, tmp_path / name)
+        simulate(tmp_path / "scene.toml", tmp_path / name)
         with h5py.File(tmp_path / name / "raw" / "B.h5") as file:
             stored.append({key: file[key][()].tobytes() for key in ("iq", "agc_gain")})
     assert stored[0] == stored[1]

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from sounder.cir.matched_filter import OVER
+from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.kernels.extraction import pulse
 
 SIZE = 200
@@ -31,20 +31,20 @@ def power_around(*arguments):
 
 def sampled(table, delay, reach):
     taps = np.empty(2 * reach + 1, complex)
-    return sample(table, OVER, delay, taps), taps
+    return sample(table, OVERSAMPLING, delay, taps), taps
 
 
 def test_taps_are_the_pulse_at_the_samples(hann):
     table = hann.table()
     first, taps = sampled(table, 50.0, hann.reach)
     assert first == 50 - hann.reach
-    np.testing.assert_array_equal(taps, table[OVER:-OVER:OVER])
+    np.testing.assert_array_equal(taps, table[OVERSAMPLING:-OVERSAMPLING:OVERSAMPLING])
     for delay in np.random.default_rng(1).uniform(-5, SIZE, 100):
         first, taps = sampled(table, delay, 7)
         assert abs(first + 7 - delay) <= 0.5
         # linear interpolation errs by h^2/8 times the curvature, at most (0.9 pi)^2
         late = first + np.arange(15) - delay
-        np.testing.assert_allclose(taps, hann.at(late), atol=(0.9 * np.pi / OVER) ** 2 / 8)
+        np.testing.assert_allclose(taps, hann.at(late), atol=(0.9 * np.pi / OVERSAMPLING) ** 2 / 8)
 
 
 def test_sums_go_round_the_circle():
@@ -64,6 +64,6 @@ def test_what_is_added_is_taken_away_and_wraps(hann):
         beams = np.zeros((2, SIZE), np.complex64)
         first, taps = sampled(hann.table(), delay, hann.reach)
         add(beams, 1, first, taps, 2j)
-        np.testing.assert_allclose(beams[1], 2j * hann.row(delay, SIZE), atol=2 * (0.9 * np.pi / OVER) ** 2 / 8)
+        np.testing.assert_allclose(beams[1], 2j * hann.row(delay, SIZE), atol=2 * (0.9 * np.pi / OVERSAMPLING) ** 2 / 8)
         add(beams, 1, first, taps, -2j)
         np.testing.assert_allclose(beams, 0, atol=1e-6)
