@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sounder import shipped
 from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.instrument.description import Sounder, load_sounder, parse_sounder
+from sounder.instrument.description import Sounder, load_sounder
 from sounder.instrument.waveform import band_limited_template, held_template
 from sounder.recordings.recording import BackToBack
 
@@ -101,7 +101,7 @@ def describe(**tables: dict[str, Any]) -> Sounder:
     described = load_sounder(shipped.calibration("sounder-132ghz.toml")).model_dump()
     for name, table in tables.items():
         described[name] = {**described[name], **table}
-    return parse_sounder(described, "test")
+    return Sounder.from_tables(described, "test")
 
 
 def make_back_to_back(sounder: Sounder, spectrum: NDArray[np.complex128], **changes: Any) -> BackToBack:

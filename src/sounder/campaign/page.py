@@ -12,7 +12,7 @@ import xarray as xr
 from erm.common.console import counted
 from erm.common.page import Page, cell
 from erm.common.storage import SOFTWARE
-from sounder.instrument.description import parse_sounder
+from sounder.instrument.description import Sounder
 from sounder.processing.summary import describe_sounder
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def _set_up(campaign: "Campaign", positions: list[_Position], page: Page) -> Non
     places = {tuple((np.round(position.tx, 3) + 0.0).tolist()) for position in positions}  # + 0: no -0
     rows: list[tuple[str, str]] = []
     for text in dict.fromkeys(position.attributes["sounder"] for position in positions):
-        rows += describe_sounder(parse_sounder(json.loads(text), campaign.source.name))
+        rows += describe_sounder(Sounder.from_tables(json.loads(text), campaign.source.name))
     rows += [("transmitter [m]", ", ".join(f"{value:g}" for value in place)) for place in sorted(places)]
     groups = campaign.recordings
     for label, files in (

@@ -13,7 +13,7 @@ from erm.tracing.trace import trace
 from sounder import shipped
 from sounder.cir.impulse_response import calibrate
 from sounder.figures.products import daps_polar
-from sounder.instrument.description import Sounder, parse_sounder
+from sounder.instrument.description import Sounder
 from sounder.instrument.waveform import PRIMITIVE
 from sounder.processing.position import Options, products_of
 from sounder.twin.receiver import record
@@ -112,7 +112,7 @@ def changed(scene: Scene, change: Change) -> Scene:
         update["faults"] = scene.faults.model_copy(update={"thermal_noise": None})
     if change.snapshots is not None:
         update["snapshots"] = change.snapshots
-    return scene.model_copy(update={"sounder": parse_sounder(tables, f"{sounder.name}, changed"), **update})
+    return scene.model_copy(update={"sounder": Sounder.from_tables(tables, f"{sounder.name}, changed"), **update})
 
 
 def _set_bandwidth(tables: dict, sounder: Sounder, bandwidth: float) -> None:

@@ -16,7 +16,7 @@ from erm.common.storage import atomic_path, open_group
 from erm.mpcs.table import read_csv, read_product
 from sounder.figures import products as figures
 from sounder.figures import score as score_figures
-from sounder.instrument.description import parse_sounder
+from sounder.instrument.description import Sounder
 from sounder.mpc.score import Gates, Score, score, with_snr
 
 KINDS = ("daps_polar", "daps", "pdp")
@@ -124,7 +124,7 @@ def score_products(
         complaints += problems
         local = there.isel(path=np.flatnonzero(np.isin(names, positions)))
         if root is not None:
-            sounder = parse_sounder(json.loads(root.attrs["sounder"]), str(product))
+            sounder = Sounder.from_tables(json.loads(root.attrs["sounder"]), str(product))
             local = with_snr(local, open_group(product, "/daps"), sounder)
             periods.add(sounder.waveform.period)
         estimates.append(found)

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -199,24 +199,6 @@ class Sounder(Table):
         return self
 
 
-def parse_sounder(tables: dict[str, Any], source: str) -> Sounder:
-    """Validate a description already read from TOML.
-
-    Parameters
-    ----------
-    tables : dict
-        Nested tables.
-    source : str
-        Named in errors.
-
-    Raises
-    ------
-    DataError
-        An unknown key, a missing one, or a value that does not fit; the message names it.
-    """
-    return Sounder.from_tables(tables, source)
-
-
 def load_sounder(path: Path | str) -> Sounder:
     """Read a sounder description.
 
@@ -231,4 +213,4 @@ def load_sounder(path: Path | str) -> Sounder:
     for antenna in (tables.get("tx_antenna"), tables.get("rx_antenna")):
         if isinstance(antenna, dict) and isinstance(antenna.get("cut"), str):
             antenna["cut"] = read_cut(Path(path).parent / antenna["cut"])
-    return parse_sounder(tables, str(path))
+    return Sounder.from_tables(tables, path)

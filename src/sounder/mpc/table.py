@@ -34,8 +34,8 @@ def tabulate(
     The covariance is that of the least-squares fits, with the noise power as variance, or the fit's own residual where
     that is more than noise leaves. The delay's is ``N V / sum_b a_b^2`` with the path's amplitude ``a_b`` in a beam,
     the noise power ``N``, and ``V`` of :class:`sounder.cir.matched_filter.MatchedFilter`; with a phase of its own in
-    every beam it is independent of the others. Both are widened for other paths, and the delay's holds the clock's. Those
-    of elevation and gain reach, besides, to directions outside the fan that the beams do not exclude.
+    every beam it is independent of the others. Both are widened for other paths, and the delay's holds the clock's.
+    Those of elevation and gain reach, besides, to directions outside the fan that the beams do not exclude.
 
     Parameters
     ----------

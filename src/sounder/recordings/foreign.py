@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from sounder.instrument.description import Sounder, parse_sounder
+from sounder.instrument.description import Sounder
 from sounder.recordings.foreign_file import ForeignFile, foreign_file, opener
 from sounder.recordings.layout import Layout, Reference, Samples
 from sounder.recordings.recording import BackToBack, Captures, Recording, check
@@ -163,7 +163,7 @@ def _described(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
     for name in ("tx_antenna", "rx_antenna"):
         if isinstance(tables.get(name), dict) and tables[name].get("pattern") != "cut":
             tables[name]["cut"] = None
-    return parse_sounder(tables, f"{file.path}: the layout's [sounder]")
+    return Sounder.from_tables(tables, f"{file.path}: the layout's [sounder]")
 
 
 def _grid(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from erm.common.storage import damaged, require_file
-from sounder.instrument.description import Sounder, parse_sounder
+from sounder.instrument.description import Sounder
 from sounder.recordings.recording import BackToBack, Captures, Recording, check
 
 RECORDING = "sounder-to-map recording"
@@ -230,4 +230,4 @@ def _description(file: h5py.File, path: Path) -> Sounder:
         tables = json.loads(file.attrs["sounder"])
     except (KeyError, ValueError):
         raise DataError(f"{path}: no readable sounder description in the attribute sounder") from None
-    return parse_sounder(tables, f"{path}: attribute sounder")
+    return Sounder.from_tables(tables, f"{path}: attribute sounder")

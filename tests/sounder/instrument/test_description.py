@@ -7,7 +7,7 @@ import pytest
 
 from erm.common.errors import DataError
 from sounder import shipped
-from sounder.instrument.description import Sounder, load_sounder, parse_sounder
+from sounder.instrument.description import Sounder, load_sounder
 
 SHIPPED = shipped.calibration("sounder-132ghz.toml")
 
@@ -136,7 +136,7 @@ def test_a_scan_names_no_direction_twice():
     tables = load_sounder(SHIPPED).model_dump()
     tables["scan"]["azimuth"] = [0.0, 180.0, 360.0]
     with pytest.raises(DataError, match="azimuth goes round more than once"):
-        parse_sounder(tables, "x")
+        Sounder.from_tables(tables, "x")
 
 
 def test_a_description_cannot_be_changed():
