@@ -13,9 +13,9 @@ import h5py
 import numpy as np
 from distributed import LocalCluster
 
+from sounder.options import Options
 from sounder.processing.jobs import gather
 from sounder.processing.pipeline import process
-from sounder.processing.position import Options
 
 POSITIONS, SNAPSHOTS, ROUNDS = 12, 200, 3
 

@@ -11,7 +11,7 @@ import typer
 from erm.common import console
 from erm.common.errors import DataError
 from erm.common.outputs import require_folder, spare_inputs
-from sounder.options import Averaging, Format, Method, Omnidirectional, Threshold
+from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options, Threshold
 
 if TYPE_CHECKING:
     from sounder.processing.position import Outcome
@@ -126,16 +126,16 @@ def process(
     ] = None,
     layout: Layout = None,
     sounder: Description = None,
-    averaging: Annotated[Averaging, typer.Option(help="Over the snapshots of a direction.")] = Averaging.coherent,
+    averaging: Annotated[Averaging, typer.Option(help="Over the snapshots of a direction.")] = Options.averaging,
     threshold: Annotated[
         Threshold, typer.Option(help="Least power of an MPC: noise + 12 dB (usc), or max(peak - 25, noise + 5) (nyu).")
-    ] = Threshold.usc,
+    ] = Options.threshold,
     method: Annotated[
         Method, typer.Option(help="MPCs: fitted jointly (sage), one after the other (clean), as they stand (peaks).")
-    ] = Method.sage,
+    ] = Options.method,
     omnidirectional: Annotated[
         Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of the beams, or strongest beam.")
-    ] = Omnidirectional.sum,
+    ] = Options.omnidirectional,
     keep_cir: Annotated[bool, typer.Option("--keep-cir", help="Keep the impulse responses in the product.")] = False,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads a process; default one a processor.")] = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes on this machine, a position each.")] = 1,
@@ -150,15 +150,8 @@ def process(
     start_processing()
     from sounder.processing.jobs import gather
     from sounder.processing.pipeline import process
-    from sounder.processing.position import Options
 
-    options = Options(
-        averaging=averaging.value,
-        threshold=threshold.value,
-        method=method.value,
-        omnidirectional=omnidirectional.value,
-        keep_cir=keep_cir,
-    )
+    options = Options(averaging, threshold, method, omnidirectional, keep_cir)
     jobs, failures = gather(recordings, calibration=calibration, layout=layout, sounder=sounder)
     with console.progress("processing positions", len(jobs)) as advance:
         outcome = process(
@@ -208,7 +201,7 @@ def figures(
     products: Annotated[list[Path], typer.Argument(readable=False, help="Products of `sounder process`.")],
     out: Annotated[Path, typer.Option(help="Folder for the figures.")],
     overlay: Annotated[bool, typer.Option("--overlay", help="Draw two positions into one polar DAPS.")] = False,
-    file_format: Annotated[Format, typer.Option("--format", help="File format.")] = Format.png,
+    file_format: Annotated[FigureFormat, typer.Option("--format", help="File format.")] = "png",
 ) -> None:
     """Draw DAPS, MPCs and PDP of products.
 
@@ -224,12 +217,12 @@ def figures(
     with console.progress("drawing", len(products)) as advance:
         for product in products:
             try:
-                written += draw_product(product, out, suffix=file_format.value)
+                written += draw_product(product, out, suffix=file_format)
             except DataError as error:
                 failures.append(str(error))
             advance()
         if overlay and not failures:
-            written += draw_overlay(products[0], products[1], out, suffix=file_format.value)
+            written += draw_overlay(products[0], products[1], out, suffix=file_format)
     print(f"{out}: {console.counted(len(written), 'figure')}")
     console.complain(failures)
 

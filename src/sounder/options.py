@@ -1,41 +1,63 @@
-"""What options of the command line choose among."""
+"""Options of processing: what each may be, in one place for functions, campaign files and the command line."""
 
-from enum import StrEnum
+from dataclasses import dataclass, fields
+from typing import Literal, get_args, get_type_hints
 
+from erm.common.errors import OptionError
 
-class Averaging(StrEnum):
-    """Averaging over the snapshots of a direction."""
-
-    coherent = "coherent"
-    phase_aligned = "phase-aligned"
-    power = "power"
-
-
-class Threshold(StrEnum):
-    """Least power of an MPC."""
-
-    usc = "usc"
-    nyu = "nyu"
-
-
-class Method(StrEnum):
-    """How MPCs that overlap are told apart."""
-
-    sage = "sage"
-    clean = "clean"
-    peaks = "peaks"
+Averaging = Literal["coherent", "phase-aligned", "power"]
+"""How the snapshots of a direction are averaged."""
+Threshold = Literal["usc", "nyu"]
+"""Least power of an MPC: noise floor + 12 dB (usc), or max(strongest - 25 dB, noise floor + 5 dB) (nyu)."""
+Method = Literal["sage", "clean", "peaks"]
+"""How overlapping MPCs are separated."""
+Omnidirectional = Literal["sum", "maximum"]
+"""How the omnidirectional PDP is made: sum of the beams, or strongest beam."""
+FigureFormat = Literal["png", "pdf", "svg"]
+"""File format of figures."""
 
 
-class Omnidirectional(StrEnum):
-    """Making of the omnidirectional PDP."""
+@dataclass(frozen=True)
+class Options:
+    """How recordings are processed. Every product stores its options.
 
-    sum = "sum"
-    maximum = "maximum"
+    Attributes
+    ----------
+    averaging : {"coherent", "phase-aligned", "power"}
+        Over the snapshots of a direction; see :func:`sounder.cir.impulse_response.impulse_responses`.
+    threshold : {"usc", "nyu"}
+        Least power of an MPC; see :func:`sounder.mpc.extract.extract`.
+    method : {"sage", "clean", "peaks"}
+        How overlapping MPCs are separated; see :func:`sounder.mpc.extract.extract`.
+    omnidirectional : {"sum", "maximum"}
+        How the omnidirectional PDP is made; see :func:`sounder.cir.power_spectrum.daps`.
+    keep_cir : bool
+        Keep the impulse responses in the product.
 
+    Raises
+    ------
+    OptionError
+        A value is none of these.
 
-class Format(StrEnum):
-    """File format of figures."""
+    Examples
+    --------
+    >>> from sounder import Options
+    >>> Options(threshold="nyu").method
+    'sage'
+    >>> Options(threshold="noise")
+    Traceback (most recent call last):
+    erm.common.errors.OptionError: threshold is 'noise'; expected one of usc, nyu
+    """
 
-    png = "png"
-    pdf = "pdf"
-    svg = "svg"
+    averaging: Averaging = "coherent"
+    threshold: Threshold = "usc"
+    method: Method = "sage"
+    omnidirectional: Omnidirectional = "sum"
+    keep_cir: bool = False
+
+    def __post_init__(self) -> None:
+        hints = get_type_hints(type(self))
+        for field in fields(self):
+            value, choices = getattr(self, field.name), get_args(hints[field.name])
+            if choices and value not in choices:
+                raise OptionError(f"{field.name} is {value!r}; expected one of {', '.join(choices)}")

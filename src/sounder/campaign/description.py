@@ -11,11 +11,8 @@ from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_
 from erm.common.errors import DataError
 from erm.maps.georeference import Georeference
 from erm.mpcs.selection import Threshold as Selection
-from sounder.cir.impulse_response import Averaging
-from sounder.cir.power_spectrum import Omnidirectional
-from sounder.mpc.extract import Method, Threshold
+from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options, Threshold
 from sounder.processing.jobs import Job, gather
-from sounder.processing.position import Options
 from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, describe, read_toml
 
 MapFormat = Literal["h5", "geojson", "gpkg", "csv", "dxf", "ply", "obj", "xml"]
@@ -50,11 +47,11 @@ class Recordings(Table):
 class Processing(Table):
     """From captures to MPCs, as in ``sounder process``; the last three tell who works, and change no product."""
 
-    averaging: Averaging = "coherent"
-    threshold: Threshold = "usc"
-    method: Method = "sage"
-    omnidirectional: Omnidirectional = "sum"
-    keep_cir: bool = False
+    averaging: Averaging = Options.averaging
+    threshold: Threshold = Options.threshold
+    method: Method = Options.method
+    omnidirectional: Omnidirectional = Options.omnidirectional
+    keep_cir: bool = Options.keep_cir
     threads: Annotated[int | None, Field(ge=1)] = None
     workers: Annotated[int, Field(ge=1)] = 1
     scheduler: str | None = None
@@ -107,7 +104,7 @@ class Map(Table):
 class Figures(Table):
     """Figures of positions: DAPS in polar and cartesian form, and PDP; of all, of none, or of those named."""
 
-    format: Literal["png", "pdf", "svg"] = "png"
+    format: FigureFormat = "png"
     positions: Annotated[
         Literal["all", "none"] | tuple[str, ...], Alternatives('"all", "none" or a list of names of positions')
     ] = "all"

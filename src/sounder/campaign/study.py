@@ -15,7 +15,8 @@ from sounder.cir.impulse_response import calibrate
 from sounder.figures.products import daps_polar
 from sounder.instrument.description import Sounder
 from sounder.instrument.waveform import PRIMITIVE
-from sounder.processing.position import Options, products_of
+from sounder.options import Options
+from sounder.processing.position import products_of
 from sounder.twin.receiver import record
 from sounder.twin.scene import Scene, load_scene
 from sounder.twin.simulate import back_to_back_of, environment_of

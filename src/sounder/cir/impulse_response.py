@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,9 +15,8 @@ from sounder.instrument.waveform import chips
 from sounder.kernels.correlation.clipping import count_rails
 from sounder.kernels.correlation.directions import processors
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
+from sounder.options import Averaging
 from sounder.recordings.recording import BackToBack, Captures, Recording
-
-Averaging = Literal["coherent", "phase-aligned", "power"]
 
 CLIPPED = 1e-3
 """Fraction of numbers at the converter's ends from which a direction counts as clipped."""

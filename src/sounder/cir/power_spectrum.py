@@ -1,15 +1,12 @@
 """Delay-angular power spectrum (DAPS), its noise floor, and the profiles made from it."""
 
-from typing import Literal
-
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
-
-Omnidirectional = Literal["sum", "maximum"]
+from sounder.options import Omnidirectional
 
 QUANTILE = 0.25
 """Quantile of the power over delay that the noise floor is read from; up to three quarters may hold paths."""

@@ -1,7 +1,5 @@
 """Multipath components (MPCs): delay, angle of arrival and path gain of the paths in a CIR, with their errors."""
 
-from typing import Literal
-
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -24,9 +22,8 @@ from sounder.mpc.single_thread import one_thread
 from sounder.mpc.table import tabulate
 from sounder.mpc.two_paths import split
 from sounder.mpc.uncertainty import beams_seeing, widened
+from sounder.options import Method, Threshold
 
-Threshold = Literal["usc", "nyu"]
-Method = Literal["sage", "clean", "peaks"]
 EFFORT: dict[Method, tuple[int, int, int]] = {"sage": (1, 3, 2), "clean": (1, 0, 0), "peaks": (0, 0, 0)}
 """Whether paths are taken out, how often those about a new one are fitted again, and how often all are in the end."""
 

@@ -14,8 +14,9 @@ import xarray as xr
 from erm.common.errors import DataError
 from erm.common.storage import clear_leftovers
 from sounder.kernels.correlation.directions import processors
+from sounder.options import Options
 from sounder.processing.jobs import Job, Source, reopen
-from sounder.processing.position import Filters, Options, Outcome, process_position
+from sounder.processing.position import Filters, Outcome, process_position
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from erm.common.errors import DataError
 from erm.common.storage import clear_leftovers
+from sounder.options import Options
 from sounder.processing.jobs import Job, told_once
-from sounder.processing.position import Filters, Options, Outcome, made_before, process_position
+from sounder.processing.position import Filters, Outcome, made_before, process_position
 from sounder.recordings.recording import Recording
 
 

@@ -11,23 +11,13 @@ import xarray as xr
 from erm.common.errors import DataError
 from erm.common.storage import open_group, provenance, write_product
 from sounder.cir.deembedding import Deembedding
-from sounder.cir.impulse_response import Averaging, Problem, calibrate, impulse_responses
-from sounder.cir.power_spectrum import Omnidirectional, daps
-from sounder.mpc.extract import Method, Threshold, extract
+from sounder.cir.impulse_response import Problem, calibrate, impulse_responses
+from sounder.cir.power_spectrum import daps
+from sounder.mpc.extract import extract
+from sounder.options import Options
 from sounder.processing import remarks
 from sounder.processing.jobs import Job
 from sounder.recordings.recording import Recording
-
-
-@dataclass(frozen=True)
-class Options:
-    """How recordings are processed; stored in every product."""
-
-    averaging: Averaging = "coherent"
-    threshold: Threshold = "usc"
-    method: Method = "sage"
-    omnidirectional: Omnidirectional = "sum"
-    keep_cir: bool = False
 
 
 @dataclass

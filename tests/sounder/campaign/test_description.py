@@ -7,7 +7,7 @@ import pytest
 from erm.common.errors import DataError
 from erm.maps.georeference import Georeference
 from sounder.campaign.description import load
-from sounder.processing.position import Options
+from sounder.options import Options
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "campaigns"
 MINIMAL = '[recordings]\nfiles = ["*.h5"]\ncalibration = "b2b.h5"\n'

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from sounder.options import Options
 from sounder.processing.jobs import gather
 from sounder.processing.pipeline import process
-from sounder.processing.position import Options
 from sounder.recordings.writer import write_back_to_back, write_recording
 from sounder.twin import receiver
 

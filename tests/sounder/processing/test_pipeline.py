@@ -12,10 +12,10 @@ import xarray as xr
 from erm.common import storage
 from erm.common.errors import DataError
 from erm.common.storage import open_group
+from sounder.options import Options
 from sounder.processing import position
 from sounder.processing.jobs import Job, Source, gather
 from sounder.processing.pipeline import process
-from sounder.processing.position import Options
 from sounder.recordings.writer import write_back_to_back, write_recording
 from sounder.twin import receiver
 

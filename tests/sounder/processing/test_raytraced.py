@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.constants import c
 
+from sounder.options import Options
 from sounder.processing import remarks
 from sounder.processing.jobs import gather
-from sounder.processing.position import Filters, Options, products_of
+from sounder.processing.position import Filters, products_of
 
 LAYOUT = Path(__file__).parents[3] / "examples" / "layouts" / "raytraced.toml"
 
