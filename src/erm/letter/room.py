@@ -6,7 +6,6 @@ the captures here are those of a rotating horn. From rays three things are switc
 planar reading, which takes the slant length for the horizontal one; and rays of higher order, no single bounces.
 """
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -22,6 +21,7 @@ from erm.letter.ablation import parts
 from erm.letter.captures import Campaign, Captures, Change
 from erm.letter.methods import MERGED, PLANAR, SINGLE
 from erm.letter.truth import NO_PATH, as_table, behind, is_single_wall_bounce, rays_of
+from erm.mpcs.reasons import count_reasons
 from erm.mpcs.selection import select
 from erm.mpcs.table import path_length
 from erm.reconstruction.reconstruct import reconstruct
@@ -183,7 +183,7 @@ def sense(
     taken = parts(measured.mpcs, campaign)
     behind_all = behind(merged, campaign, rays)
     singles = (behind_all != NO_PATH) & is_single_wall_bounce(campaign, rays)[behind_all]
-    left = Counter(merged["reason"].values[singles & ~merged["accepted"].values].tolist())
+    left = count_reasons(merged["reason"].values[singles & ~merged["accepted"].values].tolist())
     searched = {name: _mapped(getattr(taken, name), campaign)[1] for name in ("known", "honest", "exact")}
     return Sensed(
         rows=rows,
@@ -195,7 +195,7 @@ def sense(
         there=taken.there,
         measured=taken.measured,
         **{f"of_{name}": int(table["accepted"].sum()) for name, table in searched.items()},
-        left=dict(left.most_common()),
+        left={reason.text: count for reason, count in left.items()},
         excess=taken.excess,
         snr=measured.median_snr,
     )

@@ -16,6 +16,7 @@ from erm.geometry.sloped import sloped_covariance, sloped_face
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs import elevation, standard_errors
 from erm.mpcs.clusters import clusters
+from erm.mpcs.reasons import Reason
 from erm.mpcs.table import path_length
 from erm.tracing.propagation import free_space_gain
 
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 Threshold = Literal["consistency", "fixed", "letter"]
 BoolArray = npt.NDArray[np.bool_]
 
-ACCEPTED = "accepted"
-TOO_LOSSY = "reflection loss above the threshold"
 CONSISTENT_LOSS = 20.0  # dB; see `select`
 MAX_REFLECTION_LOSS = 12.0  # dB; see `select`
 GAIN_EXCESS = 3.0  # dB; two paths in one resolution cell may add up to more than free space
@@ -112,21 +111,21 @@ def select(
     if max_reflection_loss is None:
         max_reflection_loss = CONSISTENT_LOSS if threshold == "consistency" else MAX_REFLECTION_LOSS
     limit = letter_limit(loss, link, strongest, direct) if threshold == "letter" else max_reflection_loss
-    reasons: Mapping[str, BoolArray] = {
-        "direct path": direct,
-        "not the strongest of its cluster": ~strongest & (threshold != "consistency"),
-        "no longer than the direct path": np.isnan(
+    reasons: Mapping[Reason, BoolArray] = {
+        Reason.DIRECT_PATH: direct,
+        Reason.NOT_STRONGEST: ~strongest & (threshold != "consistency"),
+        Reason.TOO_SHORT: np.isnan(
             vertical.horizontal_length(table["tx_position"], table["rx_position"], path_length(table))
         ),
-        "ground bounce": is_ground_bounce(table, ground_height),
-        "stronger than free space": measured + measured_doubt < -GAIN_EXCESS,
-        TOO_LOSSY: ~(loss < limit if threshold == "letter" else loss - doubt <= limit),
+        Reason.GROUND_REFLECTION: is_ground_bounce(table, ground_height),
+        Reason.ABOVE_FREE_SPACE: measured + measured_doubt < -GAIN_EXCESS,
+        Reason.LOSS: ~(loss < limit if threshold == "letter" else loss - doubt <= limit),
         # from that elevation it would be stronger than free space allows: it arrived from elsewhere
-        "elevation of no vertical face": ~fits_vertical_face(table) | (loss + doubt < -GAIN_EXCESS),
+        Reason.ELEVATION: ~fits_vertical_face(table) | (loss + doubt < -GAIN_EXCESS),
     }
-    reason = np.full(table.sizes["mpc"], ACCEPTED, dtype=object)
-    for text, holds in reasons.items():
-        reason[(reason == ACCEPTED) & holds] = text
+    reason = np.full(table.sizes["mpc"], Reason.ACCEPTED, dtype=object)
+    for why, holds in reasons.items():
+        reason[(reason == Reason.ACCEPTED) & holds] = why
     options = {
         "threshold": threshold,
         "max_reflection_loss": float(limit),
@@ -142,7 +141,7 @@ def select(
             cluster=("mpc", cluster),
             reflection_loss=("mpc", loss, {"units": "dB"}),
             reflection_loss_std=("mpc", loss_std, {"units": "dB"}),
-            accepted=("mpc", reason == ACCEPTED),
+            accepted=("mpc", reason == Reason.ACCEPTED),
             reason=("mpc", reason.astype(np.str_)),
         )
         .assign_attrs(options)

@@ -6,8 +6,8 @@ import numpy as np
 
 from erm.maps.environment import Environment, Slab, make_reflectors
 from erm.maps.materials import Material
-from erm.mpcs.selection import ACCEPTED
-from erm.reconstruction.decision.decide import CHAIN, Verdict
+from erm.mpcs.reasons import Reason
+from erm.reconstruction.decision.decide import Verdict
 from erm.reconstruction.model.extent import MOST_MARGIN, ends_of
 from erm.reconstruction.model.loss import refractive_index_squared
 from erm.reconstruction.model.paths import IntArray, Paths
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CLEAR = 3.0  # standard errors by which the strain of a reflector must exceed 1, to say that its errors were too small
-COVERED = "no wall shared with other positions"
 
 
 def assemble(
@@ -45,13 +44,13 @@ def assemble(
     """
     ground = float(table.attrs.get("ground_height", 0.0))
     reason = table["reason"].values.astype(object)
-    reason[table["accepted"].values] = COVERED
+    reason[table["accepted"].values] = Reason.NOT_SHARED
     materials: dict[str, Material] = {}
     index = np.full(table.sizes["mpc"], -1)
     wall_point = np.full((table.sizes["mpc"], 3), np.nan)
     for wall, why in verdict.rejected:
         reason[wall.paths.row] = why
-    reason[chains] = CHAIN
+    reason[chains] = Reason.MULTIPLE_REFLECTION
     names = ("end_points", "top", "normal", "offset", "covariance", "support", "residual", "material")
     columns: dict[str, list] = {name: [] for name in names}
     for wall, pieces in zip(verdict.walls, verdict.pieces, strict=True):
@@ -63,7 +62,7 @@ def assemble(
         for piece in pieces:
             members = wall.paths.row[piece.members]
             index[members] = len(columns["top"])
-            reason[members] = ACCEPTED
+            reason[members] = Reason.ACCEPTED
             wall_point[members] = wall.points[piece.members]
             columns["end_points"].append(ends_of(wall, piece))
             columns["top"].append(max(wall.points[piece.members, 2].max(), ground) + MOST_MARGIN)
@@ -81,10 +80,10 @@ def assemble(
     for number, pole in enumerate(poles, start=reflectors.sizes["reflector"]):
         members = of_poles.row[pole.members]
         index[members] = number
-        reason[members] = ACCEPTED
+        reason[members] = Reason.ACCEPTED
         wall_point[members] = table["reflection_point"].values[members]
         wall_point[members, :2] = pole.centre
-    slab = Slab(ground) if np.any(table["reason"].values == "ground bounce") else None
+    slab = Slab(ground) if np.any(table["reason"].values == Reason.GROUND_REFLECTION) else None
     enriched = table.assign(
         accepted=("mpc", index >= 0),
         reason=("mpc", reason.astype(np.str_)),

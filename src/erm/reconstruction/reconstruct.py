@@ -9,11 +9,12 @@ import numpy as np
 from erm.common.constants import c
 from erm.geometry.vertical import distinct_rows
 from erm.maps.environment import Environment
-from erm.mpcs.selection import ACCEPTED, TOO_LOSSY, fits_vertical_face, rise
+from erm.mpcs.reasons import Reason
+from erm.mpcs.selection import fits_vertical_face, rise
 from erm.mpcs.table import path_length
 from erm.reconstruction.assemble import assemble
 from erm.reconstruction.decision.adjust import adjusted
-from erm.reconstruction.decision.decide import ACCIDENTAL, Verdict, decide
+from erm.reconstruction.decision.decide import Verdict, decide
 from erm.reconstruction.decision.pieces import Links
 from erm.reconstruction.delay_wraps import later, with_later
 from erm.reconstruction.model.extent import Legs
@@ -94,7 +95,7 @@ def reconstruct(
         verdict = decided()
     table = _unwrapped(table, longer, verdict.walls, sure)
     verdict, chains = _adjusted(table, verdict, paths, max_gap)
-    in_line = [*verdict.walls, *(wall for wall, why in verdict.rejected if why != ACCIDENTAL)]
+    in_line = [*verdict.walls, *(wall for wall, why in verdict.rejected if why != Reason.CHANCE)]
     taken = np.concatenate([chains, *(wall.paths.row for wall in in_line)])
     poles, of_poles = _poles(table, taken, verdict.walls, min_support)
     environment, enriched = assemble(verdict, chains, poles, of_poles, table)
@@ -114,7 +115,7 @@ def _with_later(
     """The paths and, after them, those that agree with others if their delays wrapped; and the rows of the latter."""
     import xarray as xr
 
-    free = ~np.isin(table["reason"].values, ("direct path", "ground bounce"))
+    free = ~np.isin(table["reason"].values, (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION))
     for group in groups:
         free[paths.row[group.members]] = False
     longer, row = later(table, free)
@@ -155,7 +156,7 @@ def _adjusted(table: "xr.Dataset", verdict: Verdict, paths: Paths, max_gap: floa
     """
     if table.attrs.get("rx_std", 0.0) > 0:
         return verdict, np.empty(0, dtype=np.int64)
-    nowhere = ("direct path", "ground bounce", "no longer than the direct path")
+    nowhere = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT)
     free = ~np.isin(table["reason"].values, nowhere) & fits_vertical_face(table)
     free[np.concatenate([np.empty(0, dtype=np.int64), *(wall.paths.row for wall in verdict.walls)])] = False
     rest = paths_of(table, np.flatnonzero(free))
@@ -175,7 +176,9 @@ def _poles(table: "xr.Dataset", taken: IntArray, walls: list[Wall], min_support:
     gain = table["path_gain"].values
     strongest = np.full(table["cluster"].values.max(initial=-1) + 1, -np.inf)
     np.maximum.at(strongest, table["cluster"].values, gain)
-    possible = np.isin(table["reason"].values, (ACCEPTED, TOO_LOSSY)) & (gain == strongest[table["cluster"].values])
+    possible = np.isin(table["reason"].values, (Reason.ACCEPTED, Reason.LOSS)) & (
+        gain == strongest[table["cluster"].values]
+    )
     possible[taken] = False
     paths = paths_of(table, np.flatnonzero(possible & fits_vertical_face(table)))
     return find_poles(paths, walls, min_support), paths
@@ -192,7 +195,7 @@ def _witnesses(paths: Paths, groups: list[Group]) -> list[Wall]:
 
 def lines_of_sight(table: "xr.Dataset") -> Legs:
     """Direct paths known to be clear."""
-    clear = (table["los"].values == 1) | ((table["reason"].values == "direct path") & (table["los"].values != 0))
+    clear = (table["los"].values == 1) | ((table["reason"].values == Reason.DIRECT_PATH) & (table["los"].values != 0))
     _, first = np.unique(table["link"].values[clear], return_index=True)
     return Legs(table["tx_position"].values[clear][first], table["rx_position"].values[clear][first])
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from erm.common.console import counted
+from erm.mpcs.reasons import count_reasons
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,10 +23,9 @@ def left_out(merged: "xr.Dataset", min_support: int = 3) -> list[str]:
     """
     if not merged.sizes["mpc"]:
         return ["no components: nothing arrived that could tell of a wall"]
-    reasons, counts = np.unique(merged["reason"].values[~merged["accepted"].values], return_counts=True)
-    order = np.lexsort((reasons, -counts))
-    told = [f"{counts[i]} {reasons[i]}" for i in order.tolist()]
-    lines = [f"left out: {'; '.join(told)}"] if told else []
+    counts = count_reasons(merged["reason"].values[~merged["accepted"].values].tolist())
+    causes = [f"{reason.text} ({count})" for reason, count in counts.items()]
+    lines = [f"left out: {', '.join(causes)}"] if causes else []
     pairs = len(np.unique(merged["link"].values))
     if pairs < min_support and not merged["accepted"].values.any():
         lines.append(f"{counted(pairs, 'antenna pair')}: a wall needs paths of {min_support} or more that share it")

@@ -13,6 +13,7 @@ from erm.common.console import counted
 from erm.common.page import Page, cell
 from erm.common.storage import SOFTWARE
 from sounder.instrument.description import Sounder
+from erm.mpcs.reasons import Reason, count_reasons
 from sounder.processing.summary import describe_sounder
 
 if TYPE_CHECKING:
@@ -122,9 +123,9 @@ def _walls(campaign: "Campaign", result: "Result", page: Page) -> None:
              "MPCs", "material"],
             [_reflector(table.isel(reflector=i), i) for i in range(table.sizes["reflector"])],
         )  # fmt: skip
-    reasons, counts = np.unique(result.located["reason"].values, return_counts=True)
+    counts = count_reasons(result.located["reason"].values.tolist())
     page.add("What became of the MPCs:")
-    page.table(["MPCs", ""], sorted(zip(counts.tolist(), reasons.tolist(), strict=True), reverse=True))
+    page.table(["MPCs", ""], [(count, reason.text) for reason, count in counts.items()])
 
 
 def _reflector(one: xr.Dataset, number: int) -> list[object]:
@@ -222,7 +223,7 @@ def _component(table: xr.Dataset, located: xr.Dataset, row: int) -> list[object]
         for name, scale in scales.items()
     ]
     wall = int(located["wall"].values[row])
-    return [*values, wall if wall >= 0 else str(located["reason"].values[row])]
+    return [*values, wall if wall >= 0 else Reason(located["reason"].values[row]).text]
 
 
 def with_error(value: float, std: float) -> str:

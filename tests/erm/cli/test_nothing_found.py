@@ -37,16 +37,16 @@ CASES = {
     "no MPCs": (empty_table(), ["no components: nothing arrived that could tell of a wall"]),
     "one MPC": (
         table(places(1), WALL),
-        [f"left out: 1 {SHARED}", "1 antenna pair: a wall needs paths of 3 or more that share it"],
+        [f"left out: {SHARED} (1)", "1 antenna pair: a wall needs paths of 3 or more that share it"],
     ),
     "two positions": (
         table(places(2), WALL),
-        [f"left out: 2 {SHARED}", "2 antenna pairs: a wall needs paths of 3 or more that share it"],
+        [f"left out: {SHARED} (2)", "2 antenna pairs: a wall needs paths of 3 or more that share it"],
     ),
-    "all LoS": (table(places(6)), ["left out: 6 direct path"]),
+    "all LoS": (table(places(6)), ["left out: direct path (6)"]),
     "one position five times": (
         table(np.repeat(places(1), 5, axis=0), WALL),
-        [f"left out: 5 {SHARED}", "1 antenna pair: a wall needs paths of 3 or more that share it"],
+        [f"left out: {SHARED} (5)", "1 antenna pair: a wall needs paths of 3 or more that share it"],
     ),
 }
 
@@ -72,4 +72,4 @@ def test_positions_on_a_line_are_a_wall_and_what_is_left_out_is_told(tmp_path: P
         write_csv(part, tmp_path / f"{number}.csv")
     assert run("reconstruct", tmp_path / "0.csv", tmp_path / "1.csv", "--out", tmp_path / "map.csv") == 0
     printed = capsys.readouterr().out
-    assert "1 wall and 0 poles from 6 of 12 components\nleft out: 6 direct path\n" in printed
+    assert "1 wall and 0 poles from 6 of 12 components\nleft out: direct path (6)\n" in printed

@@ -7,7 +7,8 @@ from scipy.constants import c
 from erm.common.errors import DataError
 from erm.geometry.vertical import azimuth_of
 from erm.mpcs.clusters import clusters
-from erm.mpcs.selection import ACCEPTED, links, reflection_loss, select
+from erm.mpcs.reasons import Reason
+from erm.mpcs.selection import links, reflection_loss, select
 from erm.mpcs.table import make_table
 
 TX, RX, FREQUENCY = np.array([0.0, 0.0, 28.4]), np.array([80.0, 10.0, 1.4]), 132e9
@@ -33,18 +34,18 @@ def test_reflection_loss_is_what_is_lost_beyond_free_space():
 @pytest.mark.parametrize("los", [-1, 1])
 def test_the_direct_path_is_known_by_delay_and_bearing_flag_or_not(los):
     found = select(table([(DIRECT, TOWARD_TX + 3, 0), (DIRECT + 40, 80, 6), (DIRECT + 0.1, 80, 6)], los=los))
-    assert found["reason"].values[0] == "direct path"
-    assert found["reason"].values[1] == ACCEPTED
-    assert found["reason"].values[2] != "direct path"  # arrives from elsewhere
+    assert found["reason"].values[0] == Reason.DIRECT_PATH
+    assert found["reason"].values[1] == Reason.ACCEPTED
+    assert found["reason"].values[2] != Reason.DIRECT_PATH  # arrives from elsewhere
 
 
 def test_a_bounce_off_the_ground_is_no_wall():
     length = np.hypot(np.linalg.norm((TX - RX)[:2]), TX[2] + RX[2] - 2 * 0.3)
     rows = [(length, TOWARD_TX + 1, 8)]
-    assert select(table(rows), ground_height=0.3)["reason"].item() == "ground bounce"
-    assert select(table(rows), ground_height=-20.0)["reason"].item() != "ground bounce"
+    assert select(table(rows), ground_height=0.3)["reason"].item() == Reason.GROUND_REFLECTION
+    assert select(table(rows), ground_height=-20.0)["reason"].item() != Reason.GROUND_REFLECTION
     above = select(table(rows, elevation=18.0, elevation_std=1.0), ground_height=0.3)
-    assert above["reason"].item() != "ground bounce"
+    assert above["reason"].item() != Reason.GROUND_REFLECTION
 
 
 def test_elevation_of_a_wall_is_that_of_the_unfolded_line():
@@ -52,17 +53,17 @@ def test_elevation_of_a_wall_is_that_of_the_unfolded_line():
     rows = [(120, 80, 6), (120, 80, 6)]
     given = table(rows, elevation=[climb + 5, -climb], elevation_std=1.0)
     given["azimuth"][1] = 140.0
-    assert select(given)["reason"].values.tolist() == [ACCEPTED, "elevation of no vertical face"]
+    assert select(given)["reason"].values.tolist() == [Reason.ACCEPTED, Reason.ELEVATION]
 
 
 def test_what_no_reflection_can_do_is_refused():
     rows = [(120, 60, -4), (120, 100, 11.9), (120, 140, 12.1), (DIRECT - 0.2, 220, 6)]
     reasons = select(table(rows), threshold="fixed")["reason"]
     assert reasons.values.tolist() == [
-        "stronger than free space",
-        ACCEPTED,
-        "reflection loss above the threshold",
-        "no longer than the direct path",
+        Reason.ABOVE_FREE_SPACE,
+        Reason.ACCEPTED,
+        Reason.LOSS,
+        Reason.TOO_SHORT,
     ]
 
 

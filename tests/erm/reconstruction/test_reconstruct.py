@@ -8,6 +8,7 @@ import xarray as xr
 
 from erm.geometry.vertical import angle_difference, unit
 from erm.maps.formats import read_map, write_map
+from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.mpcs.table import empty_table
 from erm.reconstruction.reconstruct import reconstruct
@@ -68,7 +69,7 @@ def test_a_mirrored_scene_gives_the_mirrored_map(seed):
 def test_one_component_is_no_wall_and_says_so():
     environment, merged = reconstruct(select(scene(WALLS[:1], TX[:1], route(1))))
     assert environment.reflectors.sizes["reflector"] == 0
-    assert merged["reason"].values.tolist() == ["no wall shared with other positions"]
+    assert merged["reason"].values.tolist() == [Reason.NOT_SHARED]
 
 
 def test_a_position_measured_thrice_is_one_position():
@@ -164,7 +165,7 @@ def test_direct_paths_alone_are_an_empty_map():
     tx = np.tile(TX[0], (len(rx), 1))
     environment, merged = reconstruct(select(joined([bounces(tx, rx, loss=0.0)])))
     assert environment.reflectors.sizes["reflector"] == 0
-    assert set(merged["reason"].values) == {"direct path"}
+    assert set(merged["reason"].values) == {Reason.DIRECT_PATH}
 
 
 def test_two_faces_are_no_wall_and_three_are():

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from erm.geometry.vertical import angle_difference
+from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import CONSISTENT_LOSS
 from erm.reconstruction.decision.conflicts import Conflicts
 from erm.reconstruction.decision.corners import corners_on
@@ -40,13 +41,8 @@ LEAST_EXCESS = -1.0  # dB; that a face is metal proves nothing, two of metal and
 USUAL_LOSS = (8.5, 13.0)  # dB; concrete to plaster: of a place that tells nothing better
 
 LEAST_ODDS = 2.0  # of a candidate whose paths are too weak for a wall but for their errors; six in seven are none
-ACCIDENTAL = "no more paths agree than by chance"
-CHAIN = "bounced more than once, off other walls"
-OBSTRUCTS = "wall would stand in the way of other paths"
 VAGUE = 0.3  # m; a line less certain than this agrees with anything
 STEEP = 3.0  # degree; a scan of few elevations is biased by 2 degrees beyond its edges, all paths alike
-TILTED = "elevation of no vertical face, all together"
-IMPLAUSIBLE = "more likely a chain of bounces than a wall"
 
 
 class Verdict(NamedTuple):
@@ -54,7 +50,7 @@ class Verdict(NamedTuple):
 
     walls: list[Wall]
     pieces: list[list[Stretch]]
-    rejected: list[tuple[Wall, str]]
+    rejected: list[tuple[Wall, Reason]]
 
 
 class Trial:
@@ -102,30 +98,30 @@ class Trial:
         self.order = sorted(range(len(walls)), key=lambda i: (alone[i], loss[i], -support[i]))
         self.rank = np.argsort(np.array(self.order, dtype=np.int64))
 
-    def doubt(self, wall: int, believed: BoolArray) -> str | None:
+    def doubt(self, wall: int, believed: BoolArray) -> Reason | None:
         """Why a candidate is not to be believed beside others, if it is not.
 
         What stands in the way of what is decided by which of the two has more to be said for it.
         """
         if self.weak[wall] and self.against_chance[wall] < LEAST_ODDS:
-            return ACCIDENTAL
+            return Reason.CHANCE
         mean, error = self.walls[wall].rise
         if np.isfinite(error) and abs(mean) > STEEP + 3 * error:
-            return TILTED
+            return Reason.MEAN_ELEVATION
         others = believed.copy()
         others[wall] = False
         stronger = others & (self.rank < self.rank[wall])
         if self.conflicts.blocked(wall, stronger) > 0.5 or self._is_cut(wall, stronger):
-            return OBSTRUCTS
+            return Reason.OBSTRUCTION
         if any(stronger[known] for known in self.betrayed_by[wall]):
-            return CHAIN
+            return Reason.MULTIPLE_REFLECTION
         if self.plausibility(wall, stronger) < 0:
-            return IMPLAUSIBLE
+            return Reason.IMPLAUSIBLE
         mirrors = [self.mirrors[i] for i in np.flatnonzero(others)] + self.witnesses
         key = (wall, others.tobytes())
         if key not in self._composed:
             self._composed[key] = composed_of(self.walls[wall], mirrors)
-        return CHAIN if self._composed[key] else None
+        return Reason.MULTIPLE_REFLECTION if self._composed[key] else None
 
     def _is_cut(self, wall: int, believed: BoolArray) -> bool:
         return self.conflicts.cuts(wall, believed) >= max(CUTS, ASTRAY * self.conflicts.support[wall])
@@ -176,7 +172,7 @@ def decide(candidates: Sequence[Wall], witnesses: Sequence[Wall], sight: Legs, l
         Reflection points on one line further apart are ends of different walls [m].
     """
     by_chance = accidental(candidates)
-    accidents = [(wall, ACCIDENTAL) for wall in compress(candidates, by_chance)]
+    accidents = [(wall, Reason.CHANCE) for wall in compress(candidates, by_chance)]
     trial = Trial(_without_twins(list(compress(candidates, ~by_chance)), max_gap), witnesses, sight, max_gap)
     walls = trial.walls
     believed = np.zeros(len(walls), dtype=bool)
@@ -186,7 +182,7 @@ def decide(candidates: Sequence[Wall], witnesses: Sequence[Wall], sight: Legs, l
             believed[i] = trial.doubt(i, believed) is None
         if np.array_equal(before, believed):
             break
-    rejected = [(walls[i], trial.doubt(i, believed) or OBSTRUCTS) for i in np.flatnonzero(~believed).tolist()]
+    rejected = [(walls[i], trial.doubt(i, believed) or Reason.OBSTRUCTION) for i in np.flatnonzero(~believed).tolist()]
     chosen = sorted(np.flatnonzero(believed).tolist(), key=lambda i: (-walls[i].support, trial.rank[i]))
     kept = [walls[i] for i in chosen]
     return Verdict(kept, pieces_of(kept, sight, links, max_gap), rejected + accidents)

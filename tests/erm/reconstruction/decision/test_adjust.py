@@ -8,6 +8,7 @@ import xarray as xr
 from scipy.constants import c
 
 from erm.geometry.vertical import angle_difference, mirrored
+from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.reconstruction import reconstruct as module
 from erm.reconstruction.decision.adjust import Chains, fitted, predicted, shared
@@ -76,7 +77,7 @@ def test_exact_chains_leave_exact_walls_and_say_what_they_are():
     assert np.abs(error).max() < 1e-6
     single = np.arange(merged.sizes["mpc"]) < 16
     assert merged["accepted"].values.tolist() == single.tolist()
-    assert set(merged["reason"].values[~single]) == {"bounced more than once, off other walls"}
+    assert set(merged["reason"].values[~single]) == {Reason.MULTIPLE_REFLECTION}
 
 
 def test_chains_make_walls_better_and_their_covariance_stays_honest():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.reconstruction.decision.multi_bounce import composed_of, mirror_of
 from erm.reconstruction.model.fit import fit_line
@@ -67,4 +68,4 @@ def test_a_wall_hidden_behind_another_is_not_believed():
     walls = np.array([[90.0, -50.38], [90.0, -53.38]])
     environment, merged = reconstruct(select(scene(walls, TX[:1], route(24))), max_gap=np.inf)
     np.testing.assert_allclose(environment.reflectors["offset"], [-50.38], atol=1e-3)
-    assert "wall would stand in the way of other paths" in merged["reason"].values
+    assert Reason.OBSTRUCTION in merged["reason"].values

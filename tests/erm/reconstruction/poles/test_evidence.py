@@ -5,6 +5,7 @@ import pytest
 from scipy.constants import c
 
 from erm.geometry.vertical import azimuth_of, mirrored
+from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.mpcs.standard_errors import widened
 from erm.mpcs.table import make_table
@@ -118,7 +119,7 @@ def test_weak_paths_from_nowhere_make_no_walls(seed):
     )
     environment, merged = reconstruct(select(table(stray)))
     assert environment.reflectors.sizes["reflector"] == 0
-    assert "no more paths agree than by chance" in merged["reason"].values
+    assert Reason.CHANCE in merged["reason"].values
 
 
 def test_a_double_bounce_in_a_right_angled_corner_points_to_the_known_wall():
