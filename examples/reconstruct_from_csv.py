@@ -9,8 +9,8 @@ import numpy as np
 
 from erm.figures import plot_map
 from erm.maps.formats import write_map
+from erm.mpcs.files import read_mpcs
 from erm.mpcs.selection import select
-from erm.mpcs.table import read_mpcs
 from erm.reconstruction.reconstruct import reconstruct
 from erm.tracing.trace import trace
 

@@ -4,7 +4,7 @@ import math
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -67,8 +67,9 @@ def reconstruct(
 
     from erm.common.storage import provenance
     from erm.maps.formats import require_format, write_map
+    from erm.mpcs.files import read_mpcs
+    from erm.mpcs.reflection_points import write_reflection_points
     from erm.mpcs.selection import select
-    from erm.mpcs.table import read_mpcs, write_reflection_points
     from erm.reconstruction.extend import added, read_members, with_images
     from erm.reconstruction.reconstruct import reconstruct as merge_walls
     from erm.reconstruction.summary import left_out
@@ -141,8 +142,8 @@ def predict(
 ) -> None:
     """Predict the paths between two places nobody measured."""
     from erm.maps.formats import read_map
-    from erm.mpcs.table import make_table, write_csv
-    from erm.tracing.trace import trace
+    from erm.mpcs.files import write_mpcs
+    from erm.tracing.predict import predict as predicted
 
     spare_inputs((out,), (environment,))
     require_suffix(out, ".csv")
@@ -151,18 +152,16 @@ def predict(
             raise OptionError(f"{option} is {place}; expected three finite numbers, east north up [m]")
     if tx == rx:
         raise OptionError(f"--tx and --rx are both {tx}; expected two places")
-    paths = trace(read_map(environment), tx, rx, frequency, max_order=max_order)
-    names = ("delay", "azimuth", "elevation", "path_gain")
+    mpcs = predicted(read_map(environment), tx, rx, frequency, max_order=max_order)
     if out:
-        ends: dict[str, Any] = {"position": "predicted", "tx_position": tx, "rx_position": rx}
-        sight = {"los": int(paths["los"].values.any()), "frequency": frequency}
-        write_csv(make_table({**ends, **sight, **{name: paths[name].values for name in names}}), out)
-    columns = (paths["delay"].values * 1e9, *(paths[name].values for name in names[1:]), paths["order"].values)
+        write_mpcs(mpcs, out)
+    names = ("azimuth", "elevation", "path_gain", "order")
+    columns = (mpcs["delay"].values * 1e9, *(mpcs[name].values for name in names))
     console.show(
         ["delay [ns]", "azimuth [degree]", "elevation [degree]", "path gain [dB]", "reflections"],
         ([*map(_number, row[:-1]), int(row[-1])] for row in zip(*columns, strict=True)),
     )
-    if not paths.sizes["path"]:
+    if not mpcs.sizes["mpc"]:
         print(f"no path of at most {console.counted(max_order, 'reflection')} from TX to RX", file=sys.stderr)
 
 

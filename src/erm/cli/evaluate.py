@@ -82,7 +82,7 @@ def _by_prediction(mpcs: list[Path], as_json: bool) -> None:
     """Leave one position out after the other."""
     from erm.evaluation.leave_one_out import leave_one_out, score
     from erm.evaluation.outline import rounded
-    from erm.mpcs.table import read_mpcs
+    from erm.mpcs.files import read_mpcs
 
     table, complaints = read_mpcs(mpcs)
     held = score(leave_one_out(table))
@@ -99,8 +99,8 @@ def _by_outline(
     """Hold walls, and the reflection points of MPCs, against known faces."""
     from erm.evaluation.completeness import completeness, receivers_of
     from erm.evaluation.outline import evaluate_mpcs, evaluate_walls, rounded
+    from erm.mpcs.files import read_mpcs
     from erm.mpcs.selection import select
-    from erm.mpcs.table import read_mpcs
     from erm.reconstruction.reconstruct import reconstruct
 
     result: dict[str, Any] = {"walls": evaluate_walls(found, truth)}

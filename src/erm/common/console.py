@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from erm.common.errors import DataError, OptionError
 from erm.common.launch import INTERRUPTED
-from erm.common.storage import SOFTWARE
+from erm.common.storage import SOFTWARE, atomic_path
 from erm.common.usage import told
 
 if TYPE_CHECKING:
@@ -126,19 +126,17 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
     DataError
         The suffix names no format, or the folder cannot be written to.
     """
-    from erm.common.storage import atomic_path
+    from matplotlib import rc_context
 
-    try:
-        with atomic_path(path) as temporary:
-            figure = drawn.get_figure(root=True)
-            if figure is None:
-                raise DataError(f"{path}: axes without a figure cannot be saved")
-            from matplotlib import rc_context
-
-            with rc_context({"svg.hashsalt": path.name}):  # names of parts of an SVG are random without one
-                figure.savefig(temporary, dpi=160, bbox_inches="tight", metadata=UNDATED.get(path.suffix.lower()))
-    except ValueError as error:
-        raise DataError(f"{path}: {error}") from None
+    figure = drawn.get_figure(root=True)
+    if figure is None:
+        raise DataError(f"{path}: axes without a figure cannot be saved")
+    # parts of an SVG have random names without a salt
+    with atomic_path(path) as temporary, rc_context({"svg.hashsalt": path.name}):
+        try:
+            figure.savefig(temporary, dpi=160, bbox_inches="tight", metadata=UNDATED.get(path.suffix.lower()))
+        except ValueError as error:
+            raise DataError(f"{path}: {error}") from None
 
 
 @contextmanager

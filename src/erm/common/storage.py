@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from erm import __version__
 from erm.common.errors import DataError
 from erm.common.netcdf import write_group
+from erm.common.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -71,6 +71,8 @@ class Georeference:
         """Undo ``dataclasses.asdict``; height and heading may be absent."""
         try:
             return cls(**{name: float(value) for name, value in values.items()})
+        except DataError:
+            raise
         except (TypeError, ValueError, AttributeError) as error:
             raise DataError(
                 f"georeference is malformed ({error}); expected latitude, longitude, height and heading"

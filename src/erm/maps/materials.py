@@ -100,6 +100,8 @@ class Material:
             if "refractive_index" in named:
                 named["refractive_index"] = complex(*named["refractive_index"])
             return cls(**named)
+        except DataError:
+            raise
         except (TypeError, ValueError) as error:
             raise DataError(f"material {named.get('name', '?')}: {error}") from error
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from erm.geometry.vertical import FloatArray
-from erm.mpcs.table import path_length
-from erm.tracing.propagation import free_space_gain
+from erm.mpcs.table import free_space_gain, path_length
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -17,8 +17,7 @@ from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs import elevation, standard_errors
 from erm.mpcs.clusters import clusters
 from erm.mpcs.reasons import Reason
-from erm.mpcs.table import path_length
-from erm.tracing.propagation import free_space_gain
+from erm.mpcs.table import free_space_gain, path_length
 
 if TYPE_CHECKING:
     import xarray as xr

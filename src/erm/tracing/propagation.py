@@ -64,11 +64,6 @@ def path_coefficients(
     return amplitude * received * np.exp(-2j * np.pi * frequency * (length / c))
 
 
-def free_space_gain(length: np.ndarray, frequency: np.ndarray) -> np.ndarray:
-    """Path gain (...) over a length (...) [m] at a frequency (...) [Hz]: ``20 lg(c / (4 pi f L))`` [dB]."""
-    return np.asarray(20 * np.log10(c / frequency / (4 * np.pi * length)))
-
-
 def antenna_vector(ray: np.ndarray, polarization: str) -> np.ndarray:
     """Polarisation (path, 3) of an antenna for rays of propagation (path, 3).
 

@@ -16,8 +16,9 @@ from erm.geometry.vertical import reflection_point
 from erm.maps.environment import Environment
 from erm.maps.formats import read_map, write_map
 from erm.maps.outline import outline_of
+from erm.mpcs.files import read_mpcs
 from erm.mpcs.selection import select
-from erm.mpcs.table import path_length, read_mpcs
+from erm.mpcs.table import path_length
 from erm.reconstruction.reconstruct import reconstruct
 from sounder import shipped
 from sounder.figures.files import draw_overlay, draw_product

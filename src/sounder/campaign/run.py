@@ -21,8 +21,9 @@ from erm.figures import plot_map
 from erm.maps.environment import Environment
 from erm.maps.formats import require_format, write_map
 from erm.maps.outline import known_faces
+from erm.mpcs.files import read_mpcs, write_mpcs
+from erm.mpcs.reflection_points import write_reflection_points
 from erm.mpcs.selection import select
-from erm.mpcs.table import read_mpcs, write_csv, write_reflection_points
 from erm.reconstruction.extend import with_images
 from erm.reconstruction.reconstruct import reconstruct
 from sounder.campaign.description import Campaign
@@ -75,7 +76,7 @@ def run(campaign: Campaign, out: Path) -> Result:
     if not outcome.products:
         raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
     table, complaints = read_mpcs(outcome.products)
-    write_csv(table, out / TABLE)
+    write_mpcs(table, out / TABLE)
     environment, located = chart(campaign, table, outcome.products)
     for suffix in campaign.map.formats:
         write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located))

@@ -8,7 +8,7 @@ from matplotlib.projections.polar import PolarAxes
 from numpy.typing import ArrayLike
 
 from erm.letter.captures import AS_IT_IS, Campaign, Change, Link, Measured
-from erm.mpcs.table import columns_of, empty_table, make_table
+from erm.mpcs.table import columns_of_product, empty_table, make_table
 from erm.tracing.trace import trace
 from sounder import shipped
 from sounder.cir.impulse_response import calibrate
@@ -66,7 +66,7 @@ def measure(campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable
         filter_ = filter_ or calibrate(b2b, recording)
         groups, _ = products_of(recording, filter_, Options())
         found = groups["/mpc"]
-        columns: dict[str, ArrayLike] = {**columns_of(found)}
+        columns: dict[str, ArrayLike] = {**columns_of_product(found)}
         where: dict[str, ArrayLike] = {"position": link.name, "los": recording.los, "frequency": campaign.frequency}
         mpcs.append(make_table({**where, "tx_position": link.tx, "rx_position": link.rx, **columns}))
         daps[link.name] = groups["/daps"]

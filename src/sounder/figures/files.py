@@ -13,7 +13,7 @@ from matplotlib.projections.polar import PolarAxes
 from erm.common.console import save_figure
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path, open_group
-from erm.mpcs.table import read_csv, read_product
+from erm.mpcs.files import read_csv, read_product
 from sounder.figures import products as figures
 from sounder.figures import score as score_figures
 from sounder.instrument.description import Sounder

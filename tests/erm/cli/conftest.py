@@ -7,7 +7,8 @@ import pytest
 from scipy.constants import c
 
 from erm.geometry.vertical import azimuth_of, mirrored
-from erm.mpcs.table import make_table, write_csv
+from erm.mpcs.files import write_mpcs
+from erm.mpcs.table import make_table
 
 TX = np.array([-40.0, 3.0, 12.0])
 WALL = (90.0, -9.0)  # y = -9
@@ -25,5 +26,5 @@ def mpcs(tmp_path: Path) -> Path:
         {"position": np.array([f"RX{i}" for i in range(6)]), "tx_position": tx, "rx_position": rx}
         | {"frequency": 132e9, "delay": length / c, "azimuth": azimuth_of(seen), "path_gain": gain}
     )
-    write_csv(table, tmp_path / "mpcs.csv")
+    write_mpcs(table, tmp_path / "mpcs.csv")
     return tmp_path / "mpcs.csv"

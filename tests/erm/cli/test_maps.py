@@ -12,7 +12,7 @@ import pytest
 
 from erm.maps.environment import Environment
 from erm.maps.formats import read_map, write_map
-from erm.mpcs.table import read_csv
+from erm.mpcs.files import read_csv
 
 from .commands import run
 

@@ -8,7 +8,8 @@ from scipy.constants import c
 
 from erm.geometry.vertical import azimuth_of, mirrored
 from erm.maps.formats import read_map
-from erm.mpcs.table import empty_table, make_table, write_csv
+from erm.mpcs.files import write_mpcs
+from erm.mpcs.table import empty_table, make_table
 
 from .commands import run
 
@@ -56,7 +57,7 @@ CASES = {
 def test_what_tells_of_no_wall_is_a_legal_map_and_a_reason(tmp_path: Path, capsys, case, suffix):
     mpcs, reasons = CASES[case]
     out = tmp_path / f"map.{suffix}"
-    write_csv(mpcs, tmp_path / "mpcs.csv")
+    write_mpcs(mpcs, tmp_path / "mpcs.csv")
     assert run("reconstruct", tmp_path / "mpcs.csv", "--out", out) == 0
     printed = capsys.readouterr()
     assert printed.err == ""
@@ -69,7 +70,7 @@ def test_positions_on_a_line_are_a_wall_and_what_is_left_out_is_told(tmp_path: P
     rx = np.column_stack([np.linspace(-20, 30, 6), np.full(6, 2.0), np.full(6, 1.5)])
     both = [table(rx, WALL), table(rx)]
     for number, part in enumerate(both):
-        write_csv(part, tmp_path / f"{number}.csv")
+        write_mpcs(part, tmp_path / f"{number}.csv")
     assert run("reconstruct", tmp_path / "0.csv", tmp_path / "1.csv", "--out", tmp_path / "map.csv") == 0
     printed = capsys.readouterr().out
     assert "1 wall and 0 poles from 6 of 12 components\nleft out: direct path (6)\n" in printed

@@ -246,5 +246,5 @@ def test_a_drawing_is_not_read_again(tmp_path, suffix):
 @pytest.mark.parametrize("option", ["height", "margin", "frequency"])
 @pytest.mark.parametrize("value", [0.0, np.inf, np.nan])
 def test_drawings_have_an_extent(tmp_path, option, value):
-    with pytest.raises(DataError, match=f"{option} {value}"):
+    with pytest.raises(DataError, match=f"{option} {value:g}"):
         write_map(place_of(), tmp_path / "map.xml", **{option: value})

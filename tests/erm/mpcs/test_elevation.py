@@ -4,8 +4,9 @@ import numpy as np
 
 from erm.common.constants import c
 from erm.mpcs.elevation import gain_given, implied_gain, of_vertical_faces, off_the_ground
+from erm.mpcs.files import read_csv, write_mpcs
 from erm.mpcs.selection import select
-from erm.mpcs.table import make_table, read_csv, write_csv
+from erm.mpcs.table import make_table
 
 WIDTH, EDGE = 9.0, 9.0  # degree: half-power beamwidth, and the highest beam of the scan
 TX, RX = np.array([0.0, 0.0, 28.4]), np.array([60.0, 10.0, 1.4])
@@ -98,7 +99,7 @@ def test_losses_of_walls_are_those_at_the_elevation_of_vertical_faces():
 
 def test_slopes_survive_a_file(tmp_path):
     mpcs = table(np.full_like(TRUE, 10.0), 7.0)
-    write_csv(mpcs, tmp_path / "mpcs.csv")
+    write_mpcs(mpcs, tmp_path / "mpcs.csv")
     again, complaints = read_csv(tmp_path / "mpcs.csv")
     assert not complaints
     for name in ("gain_slope", "gain_curvature"):

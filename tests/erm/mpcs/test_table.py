@@ -9,7 +9,8 @@ from scipy.constants import c
 
 from erm.common.errors import DataError
 from erm.common.storage import write_product
-from erm.mpcs.table import COLUMNS, empty_table, make_table, read_csv, read_mpcs, read_product, write_csv
+from erm.mpcs.files import COLUMNS, read_csv, read_mpcs, read_product, write_mpcs
+from erm.mpcs.table import empty_table, make_table
 
 HEADER = ",".join(COLUMNS)
 GOOD = "RX1,1,0,0,28.4,60,10,1.4,132e9,3e-7,45,5,-110"
@@ -40,7 +41,7 @@ def lines(path: Path, *rows: str, header: str = HEADER) -> Path:
 
 @pytest.mark.parametrize("table", [random_table(), empty_table()])
 def test_csv_keeps_every_bit(tmp_path: Path, table):
-    write_csv(table, tmp_path / "t.csv")
+    write_mpcs(table, tmp_path / "t.csv")
     read, complaints = read_csv(tmp_path / "t.csv")
     assert complaints == []
     xr.testing.assert_identical(read, table)
@@ -104,7 +105,7 @@ def test_components_that_another_file_holds_too_count_once_and_are_told(tmp_path
     path = product(tmp_path / "RX7.h5")
     table, _ = read_mpcs([path])
     copy = tmp_path / "all.csv"
-    write_csv(table.assign(position=("mpc", ["another name"] * table.sizes["mpc"])), copy)
+    write_mpcs(table.assign(position=("mpc", ["another name"] * table.sizes["mpc"])), copy)
     with copy.open("a") as file:
         file.write(GOOD + "\n")
     both, complaints = read_mpcs([path, copy])

@@ -7,7 +7,7 @@ import xarray as xr
 from erm.common.constants import c
 from erm.maps.environment import Environment
 from erm.mpcs.selection import select
-from erm.mpcs.table import columns_of, make_table
+from erm.mpcs.table import columns_of_product, make_table
 from erm.reconstruction.reconstruct import reconstruct
 from erm.tracing.trace import trace
 
@@ -102,4 +102,4 @@ def test_the_period_is_that_of_the_product(attributes):
     values = {name: ("mpc", np.zeros(3)) for name in ("delay", "azimuth", "elevation", "path_gain")}
     product = xr.Dataset(values | {"may_be_wrapped": ("mpc", np.array([0, 1, 0]))}, attrs=attributes)
     expected = attributes.get("period", np.nan)
-    np.testing.assert_array_equal(columns_of(product)["wrap_period"], [np.nan, expected, np.nan])
+    np.testing.assert_array_equal(columns_of_product(product)["wrap_period"], [np.nan, expected, np.nan])

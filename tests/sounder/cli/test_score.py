@@ -7,7 +7,8 @@ import pytest
 from PIL import Image
 
 from erm.common.storage import open_group
-from erm.mpcs.table import make_table, read_product, write_csv
+from erm.mpcs.files import read_product, write_mpcs
+from erm.mpcs.table import make_table
 
 from .commands import run
 
@@ -40,7 +41,7 @@ def test_truth_as_a_table_or_a_product_says_the_same(campaign, processed, capsys
     ends = {"tx_position": [4, 5, 3], "rx_position": [12, 3, 1.5], "frequency": 60e9}
     first = truth.isel(path=np.flatnonzero(truth["position"].values == "RX1"))
     names = ("position", "delay", "azimuth", "elevation", "path_gain")
-    write_csv(make_table(ends | {name: first[name].values for name in names}), tmp_path / "truth.csv")
+    write_mpcs(make_table(ends | {name: first[name].values for name in names}), tmp_path / "truth.csv")
     direct = summary(capsys, processed[0], "--truth", campaign / "truth" / "paths.h5")
     assert summary(capsys, processed[0], "--truth", tmp_path / "truth.csv") == direct
 
@@ -51,7 +52,7 @@ def test_truth_as_a_table_or_a_product_says_the_same(campaign, processed, capsys
 
 
 def test_mpcs_of_others_are_scored_too(campaign, processed, capsys, tmp_path):
-    write_csv(read_product(processed[0])[0], tmp_path / "theirs.csv")
+    write_mpcs(read_product(processed[0])[0], tmp_path / "theirs.csv")
     code, found = summary(capsys, tmp_path / "theirs.csv", "--truth", campaign / "truth" / "paths.h5")
     assert code == 0
     assert found["paths"] == 5
@@ -75,7 +76,7 @@ def test_what_cannot_be_scored_is_named_and_the_rest_is(campaign, processed, cap
     truth = campaign / "truth" / "paths.h5"
     other = tmp_path / "other.csv"
     ends = {"tx_position": [4, 5, 3], "rx_position": [12, 3, 1.5], "frequency": 60e9}
-    write_csv(make_table({"position": "P99", "delay": [40e-9], "azimuth": [1.0], "path_gain": [-90.0], **ends}), other)
+    write_mpcs(make_table({"position": "P99", "delay": [40e-9], "azimuth": [1.0], "path_gain": [-90.0], **ends}), other)
     assert run("score", processed[0], other, tmp_path / "none.h5", "--truth", truth) == 1
     told = capsys.readouterr()
     assert "5 of 5 paths found" in told.out

@@ -135,8 +135,10 @@ def _draw(environment: "Environment", path: Path, height: float, margin: float, 
     from erm.maps.formats import dxf, mitsuba, obj, ply
     from erm.maps.formats.surfaces import extrude
 
-    if not all(0 < value < inf for value in (height, margin, frequency)):
-        raise OptionError(f"{path}: height {height}, margin {margin}, frequency {frequency}; expected positive numbers")
+    if not (0 < height < inf and 0 < margin < inf):
+        raise OptionError(f"{path}: height {height:g} m, margin {margin:g} m; expected positive numbers")
+    if not 0 < frequency < inf:
+        raise OptionError(f"{path}: frequency {frequency:g} Hz; expected a positive number")
     suffix = path.suffix.lower()
     if suffix == ".dxf":
         dxf.write(environment, path, height=height, margin=margin)

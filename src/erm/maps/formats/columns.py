@@ -87,6 +87,8 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
             Slab(float(values["height"]), str(values.get("material", DEFAULT_MATERIAL))) if values else None
             for values in (scene.get("ground"), scene.get("ceiling"))
         )
+    except DataError:
+        raise
     except (TypeError, ValueError, KeyError, AttributeError) as error:
         raise DataError(f"ground, ceiling or materials are malformed ({error})") from error
     place = scene.get("georeference")

@@ -1,0 +1,204 @@
+"""MPC tables on disk: CSV files and products of ``sounder process`` are read, CSV files are written.
+
+A row that breaks a rule is dropped and reported. A file that cannot be read is skipped and reported. One bad position
+does not stop a campaign.
+"""
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.common.constants import c
+from erm.common.errors import DataError
+from erm.common.storage import atomic_path, open_group, require_file
+from erm.mpcs.table import OPTIONAL, VALUES, columns_of_product, empty_table, make_table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+COORDINATES = tuple(f"{end}_{axis}" for end in ("tx", "rx") for axis in "xyz")
+COLUMNS = ("position", "los", *COORDINATES, "frequency", *VALUES)
+"""Header of a CSV file; the columns of `OPTIONAL` may follow."""
+BLANK_ALLOWED = ("los", "elevation", *OPTIONAL)
+TIMING_TOLERANCE = 1e-9
+"""A path may be this much shorter than the direct one: errors of timing and surveying, 0.3 m [s]; chosen."""
+MAX_DELAY = 1e-3
+"""Longest delay that is accepted, 300 km [s]. A longer one is in a wrong unit."""
+
+
+def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
+    """Read any number and mixture of CSV files and sounder products into one table.
+
+    Returns
+    -------
+    table : xarray.Dataset
+        All rows that keep the rules, in the order of the files.
+    complaints : list of str
+        One line for each file that could not be used, or repeats others, and for each rule that rows of a file broke.
+    """
+    import xarray as xr
+
+    tables, complaints, seen = [], [], set()
+    known: set[bytes] = set()
+    for path in map(Path, paths):
+        if path.resolve() in seen:
+            complaints.append(f"{path}: given twice; counted once")
+            continue
+        seen.add(path.resolve())
+        try:
+            table, problems = read_csv(path) if path.suffix.lower() == ".csv" else read_product(path)
+        except DataError as error:
+            complaints.append(str(error))
+            continue
+        complaints += problems
+        measured = _measured(table)
+        again = np.array([one in known for one in measured], dtype=bool)
+        if again.any():
+            complaints.append(f"{path}: {again.sum()} of {len(again)} components are in files before it; counted once")
+        known.update(measured)
+        tables.append(table.isel(mpc=np.flatnonzero(~again)))
+    joined = xr.concat(tables, dim="mpc") if tables else empty_table()
+    return joined, complaints
+
+
+def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
+    """Read one CSV file with the header `COLUMNS` in any order, those of `OPTIONAL` or not; others are ignored.
+
+    Raises
+    ------
+    DataError
+        The file is missing, is not text, or lacks a column.
+    """
+    path = Path(path)
+    require_file(path)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, skipinitialspace=True)
+            rows = list(reader)
+            header = list(reader.fieldnames or [])
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataError(
+            f"{path}: not a text table ({error}); expected CSV with the header {','.join(COLUMNS)}"
+        ) from None
+    if missing := [name for name in COLUMNS if name not in header]:
+        some = f"has no column {', '.join(missing)}" if len(missing) < len(COLUMNS) else "not an MPC table"
+        raise DataError(f"{path}: {some}; expected the header {','.join(COLUMNS)}")
+
+    numbers = {
+        name: np.array([_number(row.get(name), name in BLANK_ALLOWED) for row in rows], dtype=float)
+        for name in (*COLUMNS[1:], *OPTIONAL)
+    }
+    unreadable = {name: np.isinf(column) for name, column in numbers.items()}
+    los = numbers.pop("los")
+    table = make_table(
+        {"position": np.array([(row["position"] or "").strip() for row in rows], dtype=str)}
+        | {"los": np.where(np.isin(los, (0, 1)), los, -1)}
+        | {
+            end: np.column_stack([numbers.pop(f"{end[:2]}_{axis}") for axis in "xyz"])
+            for end in ("tx_position", "rx_position")
+        }
+        | numbers
+    )
+    rules = {f"{name} is not a number": bad for name, bad in unreadable.items()}
+    rules["los is none of 1, 0 and blank"] = ~np.isnan(los) & ~np.isin(los, (0, 1))
+    return _checked(table, path, rules, first_line=2)
+
+
+def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
+    """Read the ``/mpc`` group of one product of ``sounder process``.
+
+    Raises
+    ------
+    DataError
+        The file is missing, is not such a product, or does not say where the antennas were.
+    """
+    root, mpc = open_group(path), open_group(path, "mpc")
+    if missing := [name for name in ("tx_position", "rx_position") if name not in root]:
+        raise DataError(f"{path}: has no {missing[0]}; expected a product of `sounder process`")
+    if missing := [name for name in VALUES if name not in mpc]:
+        raise DataError(f"{path}: group /mpc has no {missing[0]}; expected a product of `sounder process`")
+    if "frequency" not in root.attrs:
+        raise DataError(f"{path}: has no attribute frequency; expected a product of `sounder process`")
+    names = np.atleast_1d(root["position"].values) if "position" in root else np.array([Path(path).stem])
+    if len(names) != 1:
+        raise DataError(f"{path}: holds {len(names)} positions; expected one a file, as `sounder process` writes")
+    table = make_table(
+        {
+            "position": str(names[0]),
+            "los": int(root.attrs.get("los", -1)),
+            "frequency": root.attrs["frequency"],
+        }
+        | {end: np.ravel(root[end].values) for end in ("tx_position", "rx_position")}
+        | columns_of_product(mpc)
+    )
+    return _checked(table, path, {}, first_line=0)
+
+
+def write_mpcs(table: "xr.Dataset", path: Path | str) -> None:
+    """Write a table as CSV; unknown values blank, `OPTIONAL` columns only where one is known."""
+    known = [name for name in OPTIONAL if np.isfinite(table[name].values).any()]
+    columns: list[Sequence[str]] = [
+        table["position"].values.tolist(),
+        ["" if flag < 0 else str(flag) for flag in table["los"].values],
+    ]
+    ends = [table[f"{name[:2]}_position"].values[:, "xyz".index(name[3])] for name in COORDINATES]
+    values = [*ends, *(table[name].values for name in ("frequency", *VALUES, *known))]
+    columns += [["" if np.isnan(value) else repr(float(value)) for value in column] for column in values]
+    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([*COLUMNS, *known])
+        writer.writerows(zip(*columns, strict=True))
+
+
+def _measured(table: "xr.Dataset") -> list[bytes]:
+    """What was measured where (mpc,), in one piece: no two components are alike to the last bit."""
+    places = [table[f"{end}_position"].values for end in ("tx", "rx")]
+    values = [table[name].values[:, None] for name in ("delay", "azimuth", "path_gain")]
+    return [row.tobytes() for row in np.ascontiguousarray(np.hstack([*places, *values]))]
+
+
+def _number(text: str | None, blank_allowed: bool) -> float:
+    """The value of a cell: NaN where it is blank and may be, infinite where it is no number."""
+    text = (text or "").strip()
+    if not text and blank_allowed:
+        return np.nan
+    try:
+        value = float(text)
+    except ValueError:
+        return np.inf
+    return value if np.isfinite(value) or blank_allowed else np.inf
+
+
+def _checked(
+    table: "xr.Dataset", path: Path | str, rules: Mapping[str, npt.NDArray[np.bool_]], first_line: int
+) -> tuple["xr.Dataset", list[str]]:
+    """Drop the rows that break a rule; one line for each rule that was broken."""
+    tx, rx = table["tx_position"].values, table["rx_position"].values
+    delay = table["delay"].values
+    early = np.fmax(TIMING_TOLERANCE, 3 * table["delay_std"].values)
+    with np.errstate(invalid="ignore"):  # rows may hold infinities here; the rules catch them
+        direct = np.linalg.norm(tx - rx, axis=-1)
+        broken = dict(rules) | {
+            "position has no name": table["position"].values == "",
+            "a position is NaN": ~np.isfinite(direct),
+            "TX and RX are at the same place": direct < 1e-6,
+            "frequency is not positive": ~(table["frequency"].values > 0),
+            "delay, azimuth or path_gain is NaN": ~np.isfinite(
+                delay + table["azimuth"].values + table["path_gain"].values
+            ),
+            "delay is above 1 ms; seconds are expected": delay > MAX_DELAY,
+            "delay is shorter than the direct path": delay < direct / c - early,
+        }
+    kept = np.ones(table.sizes["mpc"], dtype=bool)
+    complaints = []
+    for rule, rows in broken.items():
+        fresh = rows & kept
+        if fresh.any():
+            where = f"line {np.argmax(fresh) + first_line}" if first_line else f"component {np.argmax(fresh)}"
+            complaints.append(f"{path}: {np.count_nonzero(fresh)} of {len(kept)} rows dropped: {rule} (first: {where})")
+        kept &= ~rows
+    return table.isel(mpc=kept), complaints
