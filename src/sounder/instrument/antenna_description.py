@@ -1,15 +1,23 @@
-"""How an antenna is described."""
+"""Antennas in a sounder description."""
 
 from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sounder.toml import Table
+from sounder.toml import NotNegative, Table
 
 
 class Cut(Table):
-    """Principal cuts of an antenna: gain relative to boresight [dB] over the angle off boresight [degree]."""
+    """Principal cuts of an antenna.
+
+    Attributes
+    ----------
+    angle : tuple of float
+        Angles off boresight, rising, on both sides of 0 [degree].
+    azimuth, elevation : tuple of float
+        Gain at these angles in the horizontal and in the vertical cut [dB]; the level at 0 is the reference.
+    """
 
     angle: tuple[float, ...]
     azimuth: tuple[float, ...]
@@ -27,12 +35,25 @@ class Cut(Table):
 
 
 class Antenna(Table):
-    """An antenna: boresight gain [dBi] and how the gain falls off it.
+    """An antenna: its boresight gain, and how the gain falls off boresight.
 
-    ``gaussian`` is a Gaussian main lobe of the given half-power beamwidths [degree] above a flat ``sidelobe_floor``
-    [dB]; ``cut`` takes the relative gain from measured principal cuts (in a description file: the name of a CSV file
-    beside it with the header ``angle,azimuth,elevation``); ``flat`` is the boresight gain in every direction, for an
-    end whose pattern is not to be removed.
+    Attributes
+    ----------
+    gain : float
+        Boresight gain [dBi].
+    pattern : {"gaussian", "cut", "flat"}
+        ``gaussian``: a Gaussian main lobe above a flat sidelobe floor. ``cut``: measured principal cuts. ``flat``: the
+        boresight gain in every direction, for an antenna whose pattern is not to be removed.
+    hpbw_azimuth, hpbw_elevation : float, optional
+        Half-power beamwidths [degree]; needed unless the pattern is flat.
+    sidelobe_floor : float
+        Lowest gain relative to boresight [dB].
+    cut : Cut, optional
+        The measured cuts. A description file names a CSV file beside it; see `sounder.instrument.antenna_files`.
+    gain_error : float
+        Relative error of the pattern's amplitude [1]. The default is assumed, not measured.
+    beamwidth_error : float
+        Relative error of the beamwidths [1]. The default is assumed, not measured.
     """
 
     gain: float
@@ -41,6 +62,8 @@ class Antenna(Table):
     hpbw_elevation: Annotated[float, Field(gt=0, le=180)] | None = None
     sidelobe_floor: Annotated[float, Field(lt=0)] = -30.0
     cut: Cut | None = None
+    gain_error: NotNegative = 0.01
+    beamwidth_error: NotNegative = 0.02
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
