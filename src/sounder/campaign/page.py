@@ -12,8 +12,8 @@ import xarray as xr
 from erm.common.console import counted
 from erm.common.page import Page, cell
 from erm.common.storage import SOFTWARE
-from sounder.instrument.description import Sounder
 from erm.mpcs.reasons import Reason, count_reasons
+from sounder.instrument.description import Sounder
 from sounder.processing.summary import describe_sounder
 
 if TYPE_CHECKING:
