@@ -1,3 +1,80 @@
-"""Radio channel sounding: from raw captures to impulse responses, DAPS and multipath components."""
+"""Radio channel sounding: from raw captures to impulse responses, DAPS and multipath components (MPCs).
+
+Start here. Open recordings, process them, reconstruct the map, plot it::
+
+    import erm
+    import sounder
+
+    jobs, failures = sounder.gather(["RX1.h5", "RX2.h5"], calibration="back-to-back.h5")
+    outcome = sounder.process(jobs, "products")
+    table, complaints = erm.read_mpcs(outcome.products)
+    environment, located = erm.reconstruct(erm.select(table))
+    erm.plot_map(environment, table=located)
+
+The same in one call, with a report: ``run_campaign(load_campaign("campaign.toml"))``.
+
+One position, stage by stage, in memory: ``open_recordings`` gives a ``Recording``; ``calibrate`` makes its
+de-embedding filter from a ``BackToBack``; ``impulse_responses``, ``daps`` and ``extract_mpcs`` follow one another.
+``simulate`` makes recordings of a scene whose paths are known, ``score`` compares MPCs with these paths, and
+``cramer_rao`` says how small the errors can be.
+
+A file that cannot be used raises ``DataError`` with one line: the file, what is there, what was expected, what to do.
+Each name is imported when it is first used, so that ``import sounder`` is fast.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from erm.common.errors import DataError as DataError
+    from sounder.campaign.description import load_campaign as load_campaign
+    from sounder.campaign.run import run_campaign as run_campaign
+    from sounder.cir.impulse_response import calibrate as calibrate
+    from sounder.cir.impulse_response import impulse_responses as impulse_responses
+    from sounder.cir.power_spectrum import daps as daps
+    from sounder.instrument.description import Sounder as Sounder
+    from sounder.instrument.description import load_sounder as load_sounder
+    from sounder.mpc.cramer_rao import cramer_rao as cramer_rao
+    from sounder.mpc.score import score as score
+    from sounder.options import Options as Options
+    from sounder.processing.jobs import gather as gather
+    from sounder.processing.pipeline import process as process
+    from sounder.recordings.open import open_recordings as open_recordings
+    from sounder.recordings.recording import BackToBack as BackToBack
+    from sounder.recordings.recording import Recording as Recording
+    from sounder.twin.simulate import simulate as simulate
 
 __version__ = "0.1.0"
+
+_MODULES = {
+    "BackToBack": "sounder.recordings.recording",
+    "DataError": "erm.common.errors",
+    "Options": "sounder.options",
+    "Recording": "sounder.recordings.recording",
+    "Sounder": "sounder.instrument.description",
+    "calibrate": "sounder.cir.impulse_response",
+    "cramer_rao": "sounder.mpc.cramer_rao",
+    "daps": "sounder.cir.power_spectrum",
+    "gather": "sounder.processing.jobs",
+    "impulse_responses": "sounder.cir.impulse_response",
+    "load_campaign": "sounder.campaign.description",
+    "load_sounder": "sounder.instrument.description",
+    "open_recordings": "sounder.recordings.open",
+    "process": "sounder.processing.pipeline",
+    "run_campaign": "sounder.campaign.run",
+    "score": "sounder.mpc.score",
+    "simulate": "sounder.twin.simulate",
+}
+__all__ = sorted(_MODULES)
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name when it is first used (PEP 562)."""
+    if name not in _MODULES:
+        raise AttributeError(f"module 'sounder' has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(_MODULES[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return ["__version__", *__all__]

@@ -43,9 +43,9 @@ def demo(
     It is simulated, processed from the raw captures, reconstructed and scored.
     """
     require_folder(out)
-    from sounder.campaign.demo import run
+    from sounder.campaign.demo import run_demo
 
-    run(out)
+    run_demo(out)
 
 
 @app.command()
@@ -161,8 +161,8 @@ def process(
     _report(outcome, out, "product")
 
 
-@app.command("run")
-def run_campaign(
+@app.command()
+def run(
     campaign: Annotated[Path, typer.Argument(help="Campaign (TOML): recordings, and what is made of them.")],
     out: Annotated[
         Path | None, typer.Option(help="Folder for all that is made; default one beside the campaign, named after it.")
@@ -176,11 +176,11 @@ def run_campaign(
 
     start_processing()
     from erm.reconstruction.summary import left_out
-    from sounder.campaign.description import load
-    from sounder.campaign.run import REPORT, run
+    from sounder.campaign.description import load_campaign
+    from sounder.campaign.run import REPORT, run_campaign
 
-    described = load(campaign)
-    result = run(described, out or described.out)
+    described = load_campaign(campaign)
+    result = run_campaign(described, out or described.out)
     made, positions = console.counted(len(result.products), "product"), console.counted(result.positions, "position")
     folder = Path(os.path.normpath(result.out))  # for people; with links it may not be the same
     print(f"{folder}: {made}; {result.already} of {positions} were there already")

@@ -32,7 +32,7 @@ OVERLAID = (("RX2_L", "RX9_L"), ("RX2_N", "RX3_N"))
 HEIGHTS, PLANAR = "3-D, with heights", "planar, as printed"
 
 
-def run(out: Path, *, scene: Path | None = None) -> dict[str, float]:
+def run_demo(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     """Simulate the campaign, process it, reconstruct the map and print the score.
 
     Parameters

@@ -191,7 +191,7 @@ class Campaign(Table):
         return jobs, failures
 
 
-def load(path: Path | str) -> Campaign:
+def load_campaign(path: Path | str) -> Campaign:
     """Read a campaign; files are named from its own folder.
 
     Raises

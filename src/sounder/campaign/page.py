@@ -35,7 +35,7 @@ def tell(campaign: "Campaign", result: "Result", page: Page) -> None:
     ----------
     campaign : Campaign
     result : Result
-        Of :func:`sounder.campaign.run.run`.
+        Of :func:`sounder.campaign.run.run_campaign`.
     page : Page
     """
     positions = [_Position(product, root, result) for product, root in result.products.items()]

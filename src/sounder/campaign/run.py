@@ -35,7 +35,7 @@ from sounder.processing.pipeline import process
 PRODUCTS, FIGURES, TABLE, POINTS, REPORT = "products", "figures", "mpcs.csv", "reflection-points.csv", "report.md"
 
 
-def run(campaign: Campaign, out: Path) -> Result:
+def run_campaign(campaign: Campaign, out: Path) -> Result:
     """Make everything that comes of a campaign.
 
     Products and figures that are there and would be made the same are not made again; table, map and report, which take
@@ -44,7 +44,7 @@ def run(campaign: Campaign, out: Path) -> Result:
     Parameters
     ----------
     campaign : Campaign
-        From :func:`sounder.campaign.description.load`.
+        From :func:`sounder.campaign.description.load_campaign`.
     out : Path
         Folder for all that is made.
 

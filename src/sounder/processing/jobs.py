@@ -9,7 +9,7 @@ from erm.common.errors import DataError
 from sounder import shipped
 from sounder.instrument.description import Sounder, load_sounder
 from sounder.recordings import foreign, native
-from sounder.recordings import layout as layouts
+from sounder.recordings.layout import load_layout
 from sounder.recordings.open import open_recordings
 from sounder.recordings.recording import BackToBack, Recording
 
@@ -45,23 +45,23 @@ class Job:
 
 
 def gather(
-    paths: Sequence[Path],
+    paths: Sequence[Path | str],
     *,
-    calibration: Path | None = None,
-    layout: Path | None = None,
-    sounder: Path | None = None,
+    calibration: Path | str | None = None,
+    layout: Path | str | None = None,
+    sounder: Path | str | None = None,
 ) -> tuple[list[Job], list[str]]:
     """Open recordings and find the back-to-back of each.
 
     Parameters
     ----------
-    paths : sequence of Path
+    paths : sequence of path
         Files, one or many positions each.
-    calibration : Path, optional
+    calibration : path, optional
         Native back-to-back file; goes before one inside a recording file.
-    layout : Path, optional
+    layout : path, optional
         How the files are laid out, for foreign ones.
-    sounder : Path, optional
+    sounder : path, optional
         Sounder description; default for foreign files is the shipped one, for native ones their own.
 
     Returns
@@ -75,16 +75,17 @@ def gather(
     DataError
         The calibration, the layout or the description cannot be used, so nothing can.
     """
+    calibration, layout, sounder = (None if path is None else Path(path) for path in (calibration, layout, sounder))
     if calibration is not None and not calibration.exists():
         raise DataError(f"{calibration}: no such file; expected a back-to-back recording; {_shipped()}")
     b2b = None if calibration is None else native.back_to_back(calibration)
     if layout is not None:
-        layouts.load(layout)
+        load_layout(layout)
     if sounder is not None:
         load_sounder(sounder)
     jobs: list[Job] = []
     failures: list[str] = []
-    for path in paths:
+    for path in map(Path, paths):
         try:
             found, inside = open_file(path, layout=layout, sounder=sounder)
             if (own := b2b or inside) is None:
@@ -149,7 +150,7 @@ def open_file(
     described = None if sounder is None else load_sounder(sounder)
     if layout is None:
         return open_recordings(path, described), None
-    plan = layouts.load(layout)
+    plan = load_layout(layout)
     base = described or _unnamed(layout)
     return foreign.recordings(path, plan, base), foreign.back_to_back(path, plan, base)
 

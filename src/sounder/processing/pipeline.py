@@ -65,7 +65,7 @@ class Targets:
 
 def process(
     jobs: Sequence[Job],
-    out: Path,
+    out: Path | str,
     *,
     options: Options | None = None,
     threads: int | None = None,
@@ -83,7 +83,7 @@ def process(
     ----------
     jobs : sequence of Job
         From :func:`sounder.processing.jobs.gather`.
-    out : Path
+    out : path
         Folder of the products, named after the positions.
     options : Options, optional
     threads : int, optional
@@ -109,7 +109,7 @@ def process(
         The dask scheduler cannot be reached, or dask is not installed.
     """
     options = options or Options()
-    targets = Targets(out, {path for job in jobs for path in (job.recording.source, job.b2b.source)})
+    targets = Targets(Path(out), {path for job in jobs for path in (job.recording.source, job.b2b.source)})
     filters = Filters()
 
     def run(named: Sequence[tuple[Job, Path]]) -> Iterable[Outcome]:

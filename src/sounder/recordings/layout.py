@@ -121,7 +121,7 @@ class Layout(Table):
     time: Annotated[Reference | None, Field(description="time of each direction [s since 1970-01-01 UTC]")] = None
 
 
-def load(path: Path | str) -> Layout:
+def load_layout(path: Path | str) -> Layout:
     """Read a layout.
 
     Raises

@@ -16,12 +16,12 @@ from sounder.recordings import native
 from sounder.recordings.recording import Recording
 
 
-def open_recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
+def open_recordings(path: Path | str, sounder: Sounder | None = None) -> list[Recording]:
     """Open a file in any format that a reader knows; no sample is read.
 
     Parameters
     ----------
-    path : Path
+    path : path
         The file.
     sounder : Sounder, optional
         Replaces the description that the file holds.
@@ -36,6 +36,7 @@ def open_recordings(path: Path, sounder: Sounder | None = None) -> list[Recordin
     DataError
         No such file, or no reader knows it.
     """
+    path = Path(path)
     require_file(path)
     for reader in (native, *(entry.load() for entry in entry_points(group="sounder.readers"))):
         if reader.is_format(path):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sounder import shipped
-from sounder.campaign.demo import run
+from sounder.campaign.demo import run_demo
 
 # All along route 1: over a shorter stretch double bounces can pass for a wall that nothing contradicts.
 KEPT = ("RX2_L", "RX4_L", "RX6_L", "RX7_L", "RX8_L", "RX9_L")
@@ -24,7 +24,7 @@ def part(tmp_path_factory) -> Path:
 
 
 def test_captures_become_a_map(part, tmp_path, capsys):
-    score = run(tmp_path, scene=part)
+    score = run_demo(tmp_path, scene=part)
     assert score.keys() >= {"walls", "false", "found", "missed", "accepted", "rmse", "planar_rmse"}
     # every wall that three accepted MPCs hit must be found, the east building's face among them
     assert score["found"] >= 1

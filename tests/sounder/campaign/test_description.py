@@ -6,7 +6,7 @@ import pytest
 
 from erm.common.errors import DataError
 from erm.maps.georeference import Georeference
-from sounder.campaign.description import load
+from sounder.campaign.description import load_campaign
 from sounder.options import Options
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "campaigns"
@@ -30,7 +30,7 @@ def campaign(tmp_path):
 
     def make(text: str, name: str = "street.toml"):
         (tmp_path / name).write_text(text, encoding="utf-8")
-        return load(tmp_path / name)
+        return load_campaign(tmp_path / name)
 
     return make
 
@@ -91,7 +91,7 @@ def test_what_is_no_campaign_is_told(tmp_path):
         (tmp_path / "RX1.h5", "not TOML ("),
     ):
         with pytest.raises(DataError) as error:
-            load(path)
+            load_campaign(path)
         assert str(error.value).startswith(f"{path}: {told}")
 
 
@@ -143,6 +143,6 @@ def test_a_calibration_that_is_none_costs_its_recordings_alone(campaign, tmp_pat
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
 def test_examples_are_campaigns(path):
-    made = load(path)
+    made = load_campaign(path)
     for group in made.recordings:
         assert group.layout is None or group.layout.is_file()

@@ -7,7 +7,7 @@ import h5py
 import pytest
 
 from sounder.recordings import foreign
-from sounder.recordings import layout as layouts
+from sounder.recordings.layout import load_layout
 
 from .captures import AZIMUTH, ELEVATION, WAVEFORM
 
@@ -33,7 +33,7 @@ def opened(tmp_path: Path, sounder):
                     of, _, key = name.rpartition("@")
                     (file[of] if of else file).attrs[key] = value
         (tmp_path / "layout.toml").write_text(layout, encoding="utf-8")
-        plan = layouts.load(tmp_path / "layout.toml")
+        plan = load_layout(tmp_path / "layout.toml")
         return foreign.recordings(path, plan, sounder), foreign.back_to_back(path, plan, sounder)
 
     return open_

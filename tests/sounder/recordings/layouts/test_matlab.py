@@ -7,7 +7,7 @@ from scipy.io import savemat
 
 from erm.common.errors import DataError
 from sounder.recordings import foreign
-from sounder.recordings import layout as layouts
+from sounder.recordings.layout import load_layout
 
 from .captures import AZIMUTH, B2B, ELEVATION, IQ, PLAIN, RX, SAMPLES, TX, toml
 
@@ -77,4 +77,4 @@ def test_a_damaged_matlab_file_is_told(tmp_path, sounder):
     path.write_bytes(path.read_bytes()[:2000])
     (tmp_path / "layout.toml").write_text(PLAIN, encoding="utf-8")
     with pytest.raises(DataError, match="not a MATLAB file, or a damaged one"):
-        foreign.recordings(path, layouts.load(tmp_path / "layout.toml"), sounder)
+        foreign.recordings(path, load_layout(tmp_path / "layout.toml"), sounder)

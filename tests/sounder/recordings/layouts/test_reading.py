@@ -8,7 +8,7 @@ import pytest
 
 from erm.common.errors import DataError
 from sounder.recordings import foreign
-from sounder.recordings import layout as layouts
+from sounder.recordings.layout import load_layout
 from sounder.recordings.recording import Recording
 
 from .captures import IQ, PLAIN
@@ -53,7 +53,7 @@ def test_damaged_samples_are_told_when_they_are_read(tmp_path, opened):
 
 
 def test_the_shipped_layout_reads_a_ray_tracers_file(shared_data: Path, sounder, description):
-    plan = layouts.load(Path(__file__).parents[4] / "examples" / "layouts" / "raytraced.toml")
+    plan = load_layout(Path(__file__).parents[4] / "examples" / "layouts" / "raytraced.toml")
     path = shared_data / "raytraced" / "canyon_raw.h5"
     found = foreign.recordings(path, plan, description())
     assert len(found) == 20

@@ -5,7 +5,7 @@ import pytest
 
 from erm.common.errors import DataError
 from sounder.recordings import foreign
-from sounder.recordings import layout as layouts
+from sounder.recordings.layout import load_layout
 
 from .captures import IQ, PLAIN, POSITIONS, change
 
@@ -117,7 +117,7 @@ def test_a_layout_that_is_none_is_told_in_one_line(tmp_path, layout, told):
     path = tmp_path / "layout.toml"
     path.write_text(layout, encoding="utf-8")
     with pytest.raises(DataError) as error:
-        layouts.load(path)
+        load_layout(path)
     assert str(error.value).startswith(f"{path}: ")
     assert told in str(error.value)
     assert "\n" not in str(error.value)
@@ -132,4 +132,4 @@ def test_files_that_are_none_are_told(tmp_path, sounder, name, content):
         path.write_bytes(content)
     (tmp_path / "layout.toml").write_text(PLAIN, encoding="utf-8")
     with pytest.raises(DataError, match=r"not a MATLAB file|not an HDF5 file|no such file"):
-        foreign.recordings(path, layouts.load(tmp_path / "layout.toml"), sounder)
+        foreign.recordings(path, load_layout(tmp_path / "layout.toml"), sounder)
