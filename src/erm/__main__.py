@@ -1,4 +1,4 @@
-"""Entry point of ``erm``, which loads nothing before it can be interrupted."""
+"""Entry point of the command ``erm``."""
 
 from erm.common.launch import launch
 

@@ -10,7 +10,7 @@ import typer
 
 from erm.common import console
 from erm.common.errors import DataError
-from erm.common.outputs import require_folder, spare_inputs
+from erm.common.outputs import protect_inputs, require_folder
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options, Threshold
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def info(
             console.show(["what", "value"], summary.describe_recording(recording))
     if b2b is not None:
         console.show(["what", "value"], summary.describe_back_to_back(b2b))
-    console.complain(failures)
+    console.report_failures(failures)
 
 
 @app.command()
@@ -105,7 +105,7 @@ def convert(
     sounder: Description = None,
 ) -> None:
     """Convert a recording to the native format."""
-    spare_inputs((out,), (file,))
+    protect_inputs((out,), (file,))
     if out.suffix.lower() != ".h5":
         require_folder(out)
     from sounder.processing.convert import convert_file
@@ -193,7 +193,7 @@ def run(
     print(f"report: {folder / REPORT}")
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)
-    console.complain(result.failures)
+    console.report_failures(result.failures)
 
 
 @app.command()
@@ -224,7 +224,7 @@ def figures(
         if overlay and not failures:
             written += draw_overlay(products[0], products[1], out, suffix=file_format)
     print(f"{out}: {console.counted(len(written), 'figure')}")
-    console.complain(failures)
+    console.report_failures(failures)
 
 
 @app.command()
@@ -255,7 +255,7 @@ def score(
 
     if out:
         require_folder(out)
-        spare_inputs((out / "paths.csv",), (*products, truth))
+        protect_inputs((out / "paths.csv",), (*products, truth))
     gates = Gates(delay_gate, azimuth_gate, elevation_gate, gain_gate)
     judged, complaints = score_products(products, truth, gates=gates, dynamic_range=dynamic_range, least_snr=least_snr)
     summary = judged.summary()
@@ -275,14 +275,14 @@ def score(
         )
     if out:
         print(f"{out}: {len(write_score(judged, out))} files", file=sys.stderr if as_json else sys.stdout)
-    console.complain(complaints)
+    console.report_failures(complaints)
 
 
 def _report(outcome: "Outcome", out: Path, what: str) -> None:
     print(f"{out}: {console.counted(len(outcome.products), what)}")
     for note in outcome.notes:
         print(f"note: {note}", file=sys.stderr)
-    console.complain(outcome.failures)
+    console.report_failures(outcome.failures)
 
 
 def main() -> None:

@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from erm.common.errors import DataError
-from erm.common.usage import shortened, wrong
+from erm.common.usage import invalid_value, shortened
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -101,7 +101,7 @@ def describe(error: ValidationError, model: type[BaseModel]) -> str:
             message = f": unknown key{'' if hint in hints else hint}"
             hints.add(hint)
         else:
-            message = wrong(item)
+            message = invalid_value(item)
         parts[key] = f"{key}{message}" if key else message.removeprefix(": ")
     return "; ".join(parts.values())
 

@@ -12,7 +12,7 @@ from erm.cli.evaluate import evaluate
 from erm.cli.export import export
 from erm.common import console
 from erm.common.errors import OptionError
-from erm.common.outputs import require_folder, require_suffix, spare_inputs
+from erm.common.outputs import protect_inputs, require_folder, require_suffix
 
 app = typer.Typer(
     add_completion=False,
@@ -60,7 +60,7 @@ def reconstruct(
 ) -> None:
     """Reconstruct the walls that reflected the components."""
     inputs = {path for path in (*mpcs, add_to) if path is not None}
-    spare_inputs((out, rps, figure), inputs)
+    protect_inputs((out, rps, figure), inputs)
     require_suffix(rps, ".csv")
     require_suffix(figure, ".png", ".pdf", ".svg")
     import numpy as np
@@ -77,7 +77,9 @@ def reconstruct(
     require_format(out)
     table, complaints = read_mpcs(mpcs)
     if complaints and not table.sizes["mpc"]:
-        console.complain([*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"])
+        console.report_failures(
+            [*complaints, f"{out}: not written; none of {len(mpcs)} files holds a usable component"]
+        )
     table, start = added(*read_members(add_to), table) if add_to else (table, None)
     selected = select(
         table, threshold=threshold.value, max_reflection_loss=max_loss, ground_height=ground, rx_std=rx_std
@@ -128,7 +130,7 @@ def reconstruct(
         errors = merged.attrs["delay_std"] * 1e9, merged.attrs["azimuth_std"]
         source = merged.attrs["errors_from"]
         print(f"typical errors: {errors[0]:.2g} ns, {errors[1]:.2g} degrees; from {source} and the residuals")
-    console.complain(complaints)
+    console.report_failures(complaints)
 
 
 @app.command()
@@ -145,7 +147,7 @@ def predict(
     from erm.mpcs.files import write_mpcs
     from erm.tracing.predict import predict as predicted
 
-    spare_inputs((out,), (environment,))
+    protect_inputs((out,), (environment,))
     require_suffix(out, ".csv")
     for option, place in (("--tx", tx), ("--rx", rx)):
         if not all(map(math.isfinite, place)):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from erm.common import console
-from erm.common.outputs import require_suffix, spare_inputs
+from erm.common.outputs import protect_inputs, require_suffix
 
 if TYPE_CHECKING:
     from erm.geometry.vertical import FloatArray
@@ -66,7 +66,7 @@ def evaluate(
     if leave_one_out and figure:
         raise typer.BadParameter("--figure draws the map over an outline; give --outline FILE")
     require_suffix(figure, ".png", ".pdf", ".svg")
-    spare_inputs((figure,), [environment, *(mpcs or []), *([outline] if outline else [])])
+    protect_inputs((figure,), [environment, *(mpcs or []), *([outline] if outline else [])])
     from erm.maps.formats import read_map
     from erm.maps.outline import known_faces
 
@@ -90,7 +90,7 @@ def _by_prediction(mpcs: list[Path], as_json: bool) -> None:
         print(json.dumps(rounded(held, digits=14), indent=2))
     else:
         console.show(["leave one out", "result"], ([HELD[name], f"{value:.3g}"] for name, value in held.items()))
-    console.complain(complaints)
+    console.report_failures(complaints)
 
 
 def _by_outline(
@@ -120,7 +120,7 @@ def _by_outline(
         print(json.dumps(rounded(result), indent=2))
     else:
         _print(result, len(truth))
-    console.complain(complaints)
+    console.report_failures(complaints)
 
 
 def _print(result: Mapping[str, Any], faces: int) -> None:

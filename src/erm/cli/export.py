@@ -7,7 +7,7 @@ import typer
 
 from erm.common.console import counted
 from erm.common.errors import DataError, OptionError
-from erm.common.outputs import spare_inputs
+from erm.common.outputs import protect_inputs
 from erm.maps.formats import FREQUENCY, HEIGHT, MARGIN
 
 
@@ -48,7 +48,7 @@ def export(
 
     if origin is None and (origin_height or heading):
         raise typer.BadParameter("--origin-height and --heading need --origin LATITUDE LONGITUDE")
-    spare_inputs((out,), (environment,))
+    protect_inputs((out,), (environment,))
     require_format(out)
     try:
         georeference = None if origin is None else Georeference(*origin, origin_height, heading)

@@ -1,1 +1,1 @@
-"""What every room needs: errors, storage, console, pages. Nothing here knows of radio."""
+"""Errors, files, console output and pages, for all other packages. Nothing here depends on radio."""

@@ -1,4 +1,4 @@
-"""What both command lines share: tables, complaints, progress, figures saved whole, exit codes."""
+"""Shared by both command lines: tables, error reports, progress bars, figure files, exit codes."""
 
 import signal
 import sys
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from erm.common.errors import DataError, OptionError
 from erm.common.launch import INTERRUPTED
 from erm.common.storage import SOFTWARE, atomic_path
-from erm.common.usage import told
+from erm.common.usage import usage_message
 
 if TYPE_CHECKING:
     import typer
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 DATA_FAILED, WRONG_USAGE = 1, 2
 """Exit codes."""
 UNDATED = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
-"""Metadata of figures without which the same figure would not be the same bytes."""
+"""Dates left out of the metadata of figures, so that the same figure gives the same bytes."""
 
 
 def run(app: "typer.Typer") -> None:
-    """Run a command line: exit with 0 if all is done, 1 if data failed, 2 on wrong usage, 130 after Ctrl-C.
+    """Run a command line. Exit codes: 0 all done, 1 data failed, 2 wrong usage, 130 after Ctrl-C.
 
-    What is wrong is told in one line.
+    Errors are printed in one line on stderr.
     """
     from typer import Abort, BadParameter
 
-    usage_error: type[BadParameter] = BadParameter.__mro__[1]  # its parent, which typer does not name
+    usage_error: type[BadParameter] = BadParameter.__mro__[1]  # its parent class, which typer does not export
     signal.signal(signal.SIGINT, _interrupt)
     usual, sys.unraisablehook = sys.unraisablehook, _unraisable
     try:
@@ -40,14 +40,14 @@ def run(app: "typer.Typer") -> None:
         print(error, file=sys.stderr)
         raise SystemExit(WRONG_USAGE if isinstance(error, OptionError) else DATA_FAILED) from None
     except usage_error as error:
-        print(told(error), file=sys.stderr)
+        print(usage_message(error), file=sys.stderr)
         raise SystemExit(WRONG_USAGE) from None
-    except Abort:  # Ctrl-C, of typers that do not return 130 for it
+    except Abort:  # Ctrl-C in versions of typer that do not return 130
         code = INTERRUPTED
     finally:
         sys.unraisablehook = usual
     if code == INTERRUPTED:
-        print("interrupted; what was finished is whole, the rest is not there", file=sys.stderr)
+        print("interrupted; finished files are complete, unfinished ones were removed", file=sys.stderr)
     raise SystemExit(code or 0)
 
 
@@ -55,42 +55,44 @@ _interrupted = Event()
 
 
 def _interrupt(number: int, frame: object) -> None:
-    """Raise KeyboardInterrupt, and note that it was: what is raised within a callback of a library is lost."""
+    """Raise KeyboardInterrupt and remember it: libraries lose what is raised within their callbacks."""
     _interrupted.set()
     signal.default_int_handler(number, None)
 
 
 def _unraisable(lost: "sys.UnraisableHookArgs") -> None:
-    """Say nothing of a Ctrl-C that a callback of the interpreter lost: it is raised again at the next step."""
+    """Print nothing for a lost KeyboardInterrupt: `_raise_lost_interrupt` raises it again."""
     if not issubclass(lost.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(lost)
 
 
-def _go_on() -> None:
-    """Raise KeyboardInterrupt again where one was lost."""
+def _raise_lost_interrupt() -> None:
+    """Raise KeyboardInterrupt again if a library lost one."""
     if _interrupted.is_set():
         _interrupted.clear()
         raise KeyboardInterrupt
 
 
 def add_version(app: "typer.Typer") -> None:
-    """Give a command line the option ``--version``."""
+    """Add the option ``--version`` to a command line."""
     import typer
 
-    def tell(asked: bool) -> None:
+    def print_version(asked: bool) -> None:
         if asked:
             print(SOFTWARE)
             raise typer.Exit
 
     @app.callback(help=app.info.help)
     def options(
-        version: bool = typer.Option(False, "--version", callback=tell, is_eager=True, help="Tell the version."),
+        version: bool = typer.Option(
+            False, "--version", callback=print_version, is_eager=True, help="Print the version."
+        ),
     ) -> None:
         del version
 
 
 def show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table: ruled on a terminal, tab-separated in a pipe."""
+    """Print a table: with rules on a terminal, tab-separated in a pipe."""
     cells = [[str(cell) for cell in row] for row in rows]
     if not sys.stdout.isatty():
         for row in [list(header), *cells]:
@@ -106,25 +108,25 @@ def show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
 
 
 def counted(number: int, thing: str) -> str:
-    """A number of things: ``1 wall``, ``2 walls``."""
+    """Write a number of things: ``1 wall``, ``2 walls``."""
     return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
-def complain(complaints: Sequence[str]) -> None:
-    """Say on stderr what failed, and exit with 1 if anything did."""
-    for complaint in complaints:
-        print(complaint, file=sys.stderr)
-    if complaints:
+def report_failures(failures: Sequence[str]) -> None:
+    """Print one line for each failure on stderr, and exit with code 1 if there are any."""
+    for failure in failures:
+        print(failure, file=sys.stderr)
+    if failures:
         raise SystemExit(DATA_FAILED)
 
 
 def save_figure(drawn: "Figure | Axes", path: Path) -> None:
-    """Save a figure, or the figure of some axes, whole or not at all.
+    """Save a figure, or the figure of some axes. The file is written completely or not at all.
 
     Raises
     ------
     DataError
-        The suffix names no format, or the folder cannot be written to.
+        The suffix is not a known format, or the folder cannot be written to.
     """
     from matplotlib import rc_context
 
@@ -141,9 +143,9 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
 
 @contextmanager
 def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
-    """Yield a function that advances a bar by one; nothing is shown unless stderr is a terminal."""
+    """Yield a function that advances a progress bar by one. The bar is shown on a terminal only."""
     if not sys.stderr.isatty():
-        yield _go_on
+        yield _raise_lost_interrupt
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -154,6 +156,6 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
 
         def advance() -> None:
             bar.advance(task)
-            _go_on()
+            _raise_lost_interrupt()
 
         yield advance

@@ -1,4 +1,4 @@
-"""A command line started: Ctrl-C is heard while it is still being loaded, too."""
+"""Start a command line so that Ctrl-C works while it is loaded, too."""
 
 import sys
 from importlib import import_module
@@ -12,6 +12,6 @@ def launch(module: str) -> None:
     try:
         main = import_module(module).main
     except KeyboardInterrupt:
-        print("interrupted before anything was begun", file=sys.stderr)
+        print("interrupted; nothing was done", file=sys.stderr)
         raise SystemExit(INTERRUPTED) from None
     main()

@@ -1,8 +1,8 @@
-"""Datasets as groups of a netCDF4-compatible HDF5 file, to the same bytes however often they are written.
+"""Datasets as groups of a netCDF4-compatible HDF5 file. The same dataset always gives the same bytes.
 
-xarray's writers make an empty scale for every dimension and replace it when the coordinate comes. HDF5 gives the room
-of the first to the second only if nothing in Python holds the first any more, and a profiler that samples frames, as
-dask's workers do, holds it now and then: the same content at other places. Here nothing is replaced.
+xarray's writers first make an empty scale for each dimension, and replace it by the coordinate later. HDF5 reuses the
+space of the empty scale only if Python has released it. A profiler that samples frames, as that of dask's workers, can
+keep it alive; then the same content stands at other places in the file. This writer replaces nothing.
 
 References
 ----------
@@ -24,9 +24,9 @@ def write_group(group: "h5py.Group", dataset: "xr.Dataset") -> None:
     Parameters
     ----------
     group : h5py.Group
-        Of a file that can be written.
+        Group of a file that is open for writing.
     dataset : xarray.Dataset
-        Complex numbers are written as h5py does, which netCDF has no type for.
+        Complex numbers are written as h5py writes them; netCDF has no type for them.
     """
     import xarray as xr
 
@@ -58,7 +58,7 @@ def _create(group: "h5py.Group", name: str, variable: "xr.Variable") -> "h5py.Da
         dataset = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
     else:
         dataset = group.create_dataset(name, data=values, fillvalue=attributes.get("_FillValue"))
-        if "_FillValue" in attributes:  # netCDF has attributes of one value as arrays
+        if "_FillValue" in attributes:  # netCDF stores an attribute of one value as an array
             attributes["_FillValue"] = np.array([attributes["_FillValue"]], values.dtype)
     dataset.attrs.update(attributes)
     return dataset

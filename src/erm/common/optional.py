@@ -1,4 +1,4 @@
-"""Libraries that a plain installation goes without."""
+"""Libraries that are not part of a plain installation."""
 
 from importlib import import_module
 from types import ModuleType
@@ -6,13 +6,22 @@ from types import ModuleType
 from erm.common.errors import DataError
 
 
-def require(module: str, extra: str, purpose: str, otherwise: str) -> ModuleType:
-    """Import a module of an optional library, or say which extra of this package brings it.
+def require_library(module: str, extra: str, purpose: str, otherwise: str) -> ModuleType:
+    """Import a module of an optional library.
+
+    Parameters
+    ----------
+    module : str
+        Name of the module.
+    extra : str
+        Extra of this package that installs it.
+    purpose, otherwise : str
+        First and last words of the error: what needs the library, and what to do without it.
 
     Raises
     ------
     DataError
-        It is not installed; ``purpose`` opens the message and ``otherwise`` closes it.
+        The library is not installed.
     """
     try:
         return import_module(module)

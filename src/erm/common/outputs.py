@@ -1,4 +1,4 @@
-"""Where a command may write, told before it computes anything."""
+"""Checks of output paths, made before a command computes anything."""
 
 import os
 from collections.abc import Iterable
@@ -7,11 +7,11 @@ from pathlib import Path
 from erm.common.errors import OptionError
 
 FILES = (".h5", ".hdf5", ".nc", ".csv", ".json", ".geojson", ".gpkg", ".toml", ".md", ".png", ".pdf", ".svg")
-"""Suffixes that no folder for outputs has."""
+"""Suffixes that an output folder must not have."""
 
 
 def require_suffix(path: Path | None, *known: str) -> None:
-    """Refuse a file whose suffix names no format; None is no file.
+    """Refuse a file with an unknown suffix; None is accepted.
 
     Raises
     ------
@@ -25,12 +25,12 @@ def require_suffix(path: Path | None, *known: str) -> None:
 
 
 def require_folder(path: Path) -> None:
-    """Refuse what can be no folder to write into.
+    """Refuse a path that cannot be an output folder.
 
     Raises
     ------
     OptionError
-        It is a file, named like one, or not writable.
+        It is a file, has the name of a file, or is not writable.
     """
     if path.is_file():
         raise OptionError(f"{path}: is a file; choose a folder to write into")
@@ -41,13 +41,13 @@ def require_folder(path: Path) -> None:
         raise OptionError(f"{path}: cannot be written; choose a writable folder")
 
 
-def spare_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
-    """Refuse to write where something is read, or two things to one place.
+def protect_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
+    """Refuse to overwrite an input, or to write two outputs to one file.
 
     Raises
     ------
     OptionError
-        An output is an input, or another output; None is no output.
+        An output is an input or another output; None is accepted.
     """
     read = {path.resolve() for path in inputs}
     written: set[Path] = set()

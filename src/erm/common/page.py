@@ -1,4 +1,4 @@
-"""One Markdown page with its figures; the page is there whole or not at all."""
+"""A Markdown page with its figures."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ("pdf", "png")
-LEAST = 0.0001  # numbers nearer to zero are not told apart
+SMALLEST = 0.0001
+"""Smaller numbers are written as ``< 0.0001``; chosen."""
 
 
 class Page:
-    """Text, tables and numbered figures, written in the end.
+    """Text, tables and numbered figures. The page itself is written last.
 
-    A page of an earlier run is removed with the first figure, so that no page ever stands beside figures it does not
-    belong to.
+    The first figure removes the page of an earlier run, so that a page never stands beside figures of another run.
 
     Parameters
     ----------
     out : Path
-        Folder; figures go to ``figures`` in it.
+        Folder of the page. Figures go to its folder ``figures``.
     name : str
-        Of the page's file.
+        File name of the page.
     """
 
     def __init__(self, out: Path, name: str) -> None:
@@ -42,16 +42,16 @@ class Page:
         self._blocks += paragraphs
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-        """Add a table; floats are written to three digits, NaN as a dash."""
+        """Add a table. Floats have three significant digits, NaN is a dash."""
         lines = ["| " + " | ".join(cells) + " |" for cells in ([str(one) for one in header], ["---"] * len(header))]
         lines += ["| " + " | ".join(cell(one) for one in row) + " |" for row in rows]
         self._blocks.append("\n".join(lines))
 
     def figure(self, name: str, drawn: "Figure | Axes", caption: str) -> None:
-        """Save a figure as vector PDF and PNG, and show it with a numbered caption."""
+        """Save a figure as PDF and PNG, and add it with a numbered caption."""
         import matplotlib.pyplot as plt
 
-        self.outdate()
+        self.remove_outdated()
         for suffix in FORMATS:
             save_figure(drawn, self._out / "figures" / f"{name}.{suffix}")
         plt.close(drawn.get_figure(root=True))
@@ -60,13 +60,13 @@ class Page:
         self._blocks.append(f"{link}\n\n*Figure {self._figures} ([PDF](figures/{name}.pdf)).* {caption}")
 
     def file(self, name: str, text: str) -> None:
-        """Write a text beside the page."""
-        self.outdate()
+        """Write a text file beside the page."""
+        self.remove_outdated()
         with atomic_path(self._out / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
 
-    def outdate(self) -> None:
-        """Remove the page of an earlier run before the first figure or table that is not its own."""
+    def remove_outdated(self) -> None:
+        """Remove the page of an earlier run."""
         try:
             self._target.unlink(missing_ok=True)
         except OSError as error:
@@ -80,13 +80,13 @@ class Page:
 
 
 def cell(value: object) -> str:
-    """Write a number to three significant digits, a count or a word as it is, a dash for what is not there."""
+    """Write a float to three significant digits, NaN and None as a dash, anything else as it is."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return "–"
     if isinstance(value, bool):
         return "on" if value else "off"
     if not isinstance(value, float):
-        return str(value).replace("|", r"\|")  # which would begin another cell
-    if 0 < abs(value) < LEAST:
-        return f"< {LEAST}"
+        return str(value).replace("|", r"\|")  # a bare | would begin another cell
+    if 0 < abs(value) < SMALLEST:
+        return f"< {SMALLEST}"
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"

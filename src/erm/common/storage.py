@@ -1,4 +1,4 @@
-"""Products on disk: written whole or not at all, with where they came from."""
+"""Files of products: written completely or not at all, with their provenance."""
 
 import glob
 import hashlib
@@ -25,15 +25,15 @@ CONVENTIONS = "CF-1.11"
 
 @contextmanager
 def atomic_path(target: Path | str) -> Iterator[Path]:
-    """Yield a temporary path beside ``target`` that takes its place when the block ends well.
+    """Yield a temporary path beside ``target``, and rename it to ``target`` when the block ends without error.
 
-    The file is flushed to disk before the rename, so a reader sees the old file or the whole new one. When the
-    block raises, Ctrl-C included, the temporary file and folders made for it are removed, and ``target`` is as it was.
+    The file is flushed to disk before the rename, so a reader sees the old file or the complete new one. When the
+    block raises (Ctrl-C too), the temporary file and new folders are removed, and ``target`` is unchanged.
 
     Raises
     ------
     DataError
-        The folder cannot be made or written to.
+        The folder cannot be made, or is not writable.
     """
     target = Path(target)
     if target.parent.is_file():
@@ -55,7 +55,7 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
             os.close(descriptor)
         os.replace(temporary, target)
     except BaseException as error:
-        with suppress(OSError):  # of a folder that cannot be made, or holds something already
+        with suppress(OSError):  # the folder could not be made, or is not empty
             temporary.unlink(missing_ok=True)
             for folder in made:
                 folder.rmdir()
@@ -65,20 +65,20 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
 
 
 def clear_leftovers(target: Path) -> None:
-    """Remove what a process that was killed while it wrote ``target`` left beside it; nobody may be writing it now."""
+    """Remove temporary files of ``target`` that killed processes left. No process may be writing ``target`` now."""
     for leftover in target.parent.glob(f".{glob.escape(target.name)}.*.part{target.suffix}"):
         with suppress(OSError):
             leftover.unlink()
 
 
 def sha256(path: Path | str) -> str:
-    """SHA-256 of a file, hexadecimal; a file of many positions is read once."""
+    """SHA-256 of a file, hexadecimal. Unchanged files are read once."""
     facts = os.stat(path)
     return _sha256(os.fspath(path), facts.st_mtime_ns, facts.st_size)
 
 
 @lru_cache(maxsize=256)
-def _sha256(path: str, modified: int, size: int) -> str:  # the last two tell a changed file
+def _sha256(path: str, modified: int, size: int) -> str:  # time and size are part of the key of the cache
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -86,20 +86,20 @@ def _sha256(path: str, modified: int, size: int) -> str:  # the last two tell a 
 def provenance(
     title: str, history: str, *, inputs: Iterable[Path | str] = (), options: Mapping[str, Any] | None = None
 ) -> dict[str, str]:
-    """Root attributes every product carries.
+    """Root attributes of every product.
 
-    There is no time of day among them: the same inputs, options and software give the same bytes.
+    No time of day is stored: the same inputs, options and software give the same bytes.
 
     Parameters
     ----------
     title : str
-        What the product is, one line.
+        What the product is, in one line.
     history : str
-        The step that made it, as a user would type it.
+        The command or function that made it.
     inputs : iterable of path
-        Files read; stored by name with their SHA-256.
+        Files that were read. They are stored by name with their SHA-256.
     options : mapping
-        Every processing option; stored as JSON.
+        All processing options. They are stored as JSON.
     """
     return {
         "Conventions": CONVENTIONS,
@@ -113,7 +113,7 @@ def provenance(
 
 
 def _hashes(paths: list[Path]) -> dict[str, str]:
-    """Hash of each file by its name, with its folder where names alone are not different."""
+    """SHA-256 of each file by its name; with its folder where several files have one name."""
     names = [path.name for path in paths]
     return {
         path.name if names.count(path.name) == 1 else f"{path.absolute().parent.name}/{path.name}": sha256(path)
@@ -122,7 +122,7 @@ def _hashes(paths: list[Path]) -> dict[str, str]:
 
 
 def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> None:
-    """Write datasets as the groups of one netCDF4-compatible HDF5 file, whole or not at all.
+    """Write datasets as the groups of one netCDF4-compatible HDF5 file, completely or not at all.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
     target : path
         The file.
     """
-    import h5py  # imported slowly: --help must not pay for it
+    import h5py  # slow to import; --help must stay fast
 
     with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
         for group, dataset in groups.items():
@@ -139,39 +139,48 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
 
 
 def require_file(path: Path) -> None:
-    """Refuse what is not a file.
+    """Refuse a path that is not a readable file with content.
 
     Raises
     ------
     DataError
-        It is a folder, is not there, is empty or not to be read.
+        It is a folder, is missing, is empty, or must not be read.
     """
     if path.is_dir():
         raise DataError(f"{path}: is a folder; name the files in it, as in {path / '*'}")
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     if not os.access(path, os.R_OK):
-        raise DataError(f"{path}: may not be read; ask its owner for permission")
+        raise DataError(f"{path}: no permission to read it; ask its owner")
     if not path.stat().st_size:
         raise DataError(f"{path}: is empty; make or copy it anew")
 
 
 def damaged(path: Path, error: OSError) -> DataError:
-    """What the HDF5 library says of a file that it cannot read, in words where the file is cut short."""
+    """Error for an HDF5 file that cannot be read; it says how much is missing if the file is cut short."""
     whole = re.search(r"stored_eof = (\d+)", str(error))
     what = f"{path.stat().st_size} of its {whole[1]} bytes" if whole else str(error)
     return DataError(f"{path}: damaged HDF5 file ({what}); make or copy it anew")
 
 
 def open_group(path: Path | str, group: str = "/", expected: str = "a product of this software") -> "xr.Dataset":
-    """Load one group of a product into memory and close the file; errors tell what it is ``expected`` to be.
+    """Load one group of a product into memory, and close the file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    group : str
+        Name of the group.
+    expected : str
+        What the file should be, for errors.
 
     Raises
     ------
     DataError
-        The file is missing, is not HDF5 or only a part of it, or has no such group.
+        The file is missing, is not HDF5, is damaged, or has no such group.
     """
-    import h5py  # imported slowly: --help must not pay for it
+    import h5py  # slow to import; --help must stay fast
     import xarray as xr
 
     path = Path(path)
@@ -185,7 +194,7 @@ def open_group(path: Path | str, group: str = "/", expected: str = "a product of
         if not present:
             what = "holds raw captures" if "iq" in held else f"holds {', '.join(held[:5]) or 'nothing'}"
             then = "process them first" if "iq" in held else f"expected {expected}"
-            raise DataError(f"{path}: {what} and no group {group}; {then}")
+            raise DataError(f"{path}: {what} but no group {group}; {then}")
         with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
             return dataset.load()
     except OSError as error:

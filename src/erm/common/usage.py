@@ -1,4 +1,4 @@
-"""What is wrong with a command as it was typed, or with a value, in one line."""
+"""One-line messages for wrong command lines and wrong values."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from typer import BadParameter
 
-LONGEST = 60
-"""Letters of a value that are shown."""
+MAX_LENGTH = 60
+"""Letters of a value that are printed; chosen."""
 EXPECTED = {
     "greater_than": "more than {gt:g}",
     "greater_than_equal": "at least {ge:g}",
@@ -19,18 +19,18 @@ EXPECTED = {
     "too_short": "at least {min_length}",
     "too_long": "at most {max_length}",
 }
-"""What pydantic wanted, by the type of its error."""
+"""Expected values, by type of pydantic's error."""
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false", "tuple": "a list"}
-"""What pydantic wanted where the type of its error begins so and ends with ``type``, ``parsing`` or ``from_float``."""
+"""Expected values for types of error such as ``float_type``, ``int_parsing`` or ``int_from_float``."""
 
 
-def wrong(item: Mapping[str, Any]) -> str:
-    """What was found and what was expected instead, of one of pydantic's errors; what has words of its own keeps them.
+def invalid_value(item: Mapping[str, Any]) -> str:
+    """Say what was found and what was expected, for one error of pydantic. Messages of validators are kept.
 
     Parameters
     ----------
     item : mapping
-        Of the errors that a ``ValidationError`` lists.
+        One entry of ``ValidationError.errors()``.
     """
     expected = EXPECTED.get(item["type"], "").format(**item.get("ctx", {}))
     kind, _, rest = item["type"].partition("_")
@@ -44,21 +44,21 @@ def wrong(item: Mapping[str, Any]) -> str:
 
 
 def shortened(value: object) -> str:
-    """A value as Python writes it, its end left out where that is long."""
+    """Write a value as Python does; a long one is cut."""
     text = repr(value)
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    return text if len(text) <= MAX_LENGTH else f"{text[:MAX_LENGTH]}..."
 
 
-def told(error: "BadParameter") -> str:
-    """One line for what a command line refuses: what is wrong, what was found, where help is.
+def usage_message(error: "BadParameter") -> str:
+    """Say in one line what is wrong with a command line, and where help is.
 
     Parameters
     ----------
     error : UsageError
-        Of typer. Where it stands for an error of pydantic, it says what was expected and not what was found.
+        Error of typer. If pydantic caused it, the message says what was found and what was expected.
     """
     message = error.format_message()
-    if "\n" in message:  # the whole help, for want of a command
+    if "\n" in message:  # no command was given: this is the help text
         return message
     if error.ctx is None:
         return message.rstrip(".")
@@ -67,5 +67,5 @@ def told(error: "BadParameter") -> str:
         option = error.param.opts[0] if error.param.opts else error.param.name
         message = f"{option}{wrong(items[0])}"
     elif re.match(r"No such option: -\d", message):
-        message += "; is it a number? Those of one option are parted by spaces, as in --tx 0 0 28.4"
+        message += "; if it is a number: separate the numbers of one option by spaces, as in --tx 0 0 28.4"
     return f"{message.removeprefix('Invalid value: ').rstrip('.')}; see {error.ctx.command_path} --help"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from erm.common.errors import DataError
-from erm.common.optional import require
+from erm.common.optional import require_library
 from erm.geometry.vertical import FloatArray
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def declared(document: Mapping[str, Any]) -> tuple[bool, Georeference | None]:
 @lru_cache(maxsize=16)
 def _topocentric(frame: Georeference) -> "Transformer":
     """From longitude, latitude, height to true east, north, up at the origin."""
-    pyproj = require("pyproj", "gis", "WGS 84", "stay in local metres")
+    pyproj = require_library("pyproj", "gis", "WGS 84", "stay in local metres")
     return pyproj.Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84 "
         f"+step +proj=topocentric +ellps=WGS84 +lat_0={frame.latitude!r} +lon_0={frame.longitude!r} "

@@ -72,7 +72,7 @@ def run_demo(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     with console.progress("drawing", len(OVERLAID) + 2) as advance:
         _draw(environment, merged, truth, outcome.products, out / "figures", advance=advance)
     _print(score, out, positions=len(recordings), mpcs=table.sizes["mpc"])
-    console.complain(complaints)
+    console.report_failures(complaints)
     return score
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from erm.common import console
 from erm.common.errors import DataError
-from erm.common.optional import require
-from erm.common.outputs import require_folder, spare_inputs
+from erm.common.optional import require_library
+from erm.common.outputs import protect_inputs, require_folder
 from erm.common.page import Page
 from erm.common.storage import clear_leftovers, open_group, provenance
 from erm.evaluation.completeness import Completeness, completeness, receivers_of
@@ -55,9 +55,9 @@ def run_campaign(campaign: Campaign, out: Path) -> Result:
     """
     outline = _ready(campaign, out)
     jobs, failures = campaign.jobs(out)
-    spare_inputs(outputs(campaign, out), {*campaign.named, *(job.recording.source for job in jobs)})
+    protect_inputs(outputs(campaign, out), {*campaign.named, *(job.recording.source for job in jobs)})
     page = Page(out, REPORT)
-    page.outdate()
+    page.remove_outdated()
     for path in outputs(campaign, out):
         clear_leftovers(path)
     asked = campaign.processing
@@ -117,7 +117,7 @@ def _ready(campaign: Campaign, out: Path) -> NDArray[Any] | None:
     require_folder(out)
     place = campaign.map.georeference
     if place is not None:
-        require("pyproj", "gis", f"{campaign.source}: map.origin", "leave it out")
+        require_library("pyproj", "gis", f"{campaign.source}: map.origin", "leave it out")
     for suffix in campaign.map.formats:
         require_format(out / f"map.{suffix}")
     outline = campaign.map.outline

@@ -58,9 +58,9 @@ def test_another_error_is_a_bug_and_shows():
 
 
 def test_complaints_go_to_stderr_and_exit_with_1(capsys):
-    console.complain([])
+    console.report_failures([])
     with pytest.raises(SystemExit) as stop:
-        console.complain(["one", "two"])
+        console.report_failures(["one", "two"])
     assert stop.value.code == 1
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("", "one\ntwo\n")
@@ -158,7 +158,7 @@ def test_an_interrupt_that_the_interpreter_loses_is_raised_at_the_next_step(caps
         assert exit_code(body) == console.INTERRUPTED
     finally:
         signal.signal(signal.SIGINT, before)
-    assert capsys.readouterr().err == "interrupted; what was finished is whole, the rest is not there\n"
+    assert capsys.readouterr().err == "interrupted; finished files are complete, unfinished ones were removed\n"
 
 
 def test_a_wrong_option_is_one_line_and_2(capsys):

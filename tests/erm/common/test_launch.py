@@ -20,7 +20,7 @@ def test_ctrl_c_during_an_import_is_one_line_and_130(module, capsys):
     with pytest.raises(SystemExit) as stop:
         launch(module("interrupted_import", "raise KeyboardInterrupt"))
     assert stop.value.code == INTERRUPTED
-    assert capsys.readouterr().err == "interrupted before anything was begun\n"
+    assert capsys.readouterr().err == "interrupted; nothing was done\n"
 
 
 def test_what_was_loaded_runs(module, capsys):

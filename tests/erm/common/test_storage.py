@@ -181,8 +181,8 @@ def test_a_product_is_closed_after_reading(tmp_path):
         (None, "/", "no such file"),
         (b"text", "/", "not an HDF5 file; expected a product of this software"),
         (b"", "/", "is empty; make or copy it anew"),
-        ("product", "/mpc", "holds cir, none, path, x and no group /mpc; expected a product of this software"),
-        ("captures", "/mpc", "holds raw captures and no group /mpc; process them first"),
+        ("product", "/mpc", "holds cir, none, path, x but no group /mpc; expected a product of this software"),
+        ("captures", "/mpc", "holds raw captures but no group /mpc; process them first"),
     ],
 )
 def test_what_is_no_product_is_told(tmp_path, content, group, told):

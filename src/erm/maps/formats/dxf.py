@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
-from erm.common.optional import require
+from erm.common.optional import require_library
 from erm.common.storage import atomic_path
 from erm.maps.environment import Environment
 from erm.maps.formats.surfaces import extrude, spans
@@ -53,4 +53,4 @@ def _no_time_of_day(ezdxf: ModuleType) -> Iterator[None]:
 
 def library(path: Path) -> ModuleType:
     """Return ezdxf, or raise a DataError that says what brings it."""
-    return require("ezdxf", "cad", f"{path}: DXF", "choose .obj or .geojson")
+    return require_library("ezdxf", "cad", f"{path}: DXF", "choose .obj or .geojson")

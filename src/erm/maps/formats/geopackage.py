@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from erm.common.errors import DataError
-from erm.common.optional import require
+from erm.common.optional import require_library
 from erm.common.storage import atomic_path
 from erm.maps.formats.columns import DEFAULTS, ENDS, Columns
 from erm.maps.formats.geojson import rows_of_shape, table_of_rows
@@ -68,5 +68,5 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
 
 def library(path: Path) -> ModuleType:
     """Return pyogrio, or raise a DataError that says what brings it."""
-    require("pyogrio.raw", "gis", f"{path}: GeoPackage", "choose .geojson")
-    return require("pyogrio", "gis", f"{path}: GeoPackage", "choose .geojson")
+    require_library("pyogrio.raw", "gis", f"{path}: GeoPackage", "choose .geojson")
+    return require_library("pyogrio", "gis", f"{path}: GeoPackage", "choose .geojson")
