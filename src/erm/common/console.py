@@ -77,8 +77,8 @@ def add_version(app: "typer.Typer") -> None:
     """Add the option ``--version`` to a command line."""
     import typer
 
-    def print_version(asked: bool) -> None:
-        if asked:
+    def print_version(given: bool) -> None:
+        if given:
             print(SOFTWARE)
             raise typer.Exit
 

@@ -65,7 +65,7 @@ def usage_message(error: "BadParameter") -> str:
     items: Sequence[Mapping[str, Any]] = getattr(error.__cause__, "errors", list)()
     if items and error.param is not None:
         option = error.param.opts[0] if error.param.opts else error.param.name
-        message = f"{option}{wrong(items[0])}"
+        message = f"{option}{invalid_value(items[0])}"
     elif re.match(r"No such option: -\d", message):
         message += "; if it is a number: separate the numbers of one option by spaces, as in --tx 0 0 28.4"
     return f"{message.removeprefix('Invalid value: ').rstrip('.')}; see {error.ctx.command_path} --help"
