@@ -14,7 +14,7 @@ from sounder import shipped
 from sounder.cir.impulse_response import calibrate
 from sounder.figures.products import daps_polar
 from sounder.instrument.description import Sounder
-from sounder.instrument.waveform import PRIMITIVE
+from sounder.instrument.waveform import PRIMITIVE_POLYNOMIALS
 from sounder.options import Options
 from sounder.processing.position import products_of
 from sounder.twin.receiver import record
@@ -121,7 +121,7 @@ def _set_bandwidth(tables: dict, sounder: Sounder, bandwidth: float) -> None:
     waveform = tables["waveform"]
     ratio = bandwidth / sounder.waveform.sample_rate
     waveform["order"] = sounder.waveform.order + round(float(np.log2(ratio)))
-    waveform["polynomial"] = PRIMITIVE.get(waveform["order"], ())
+    waveform["polynomial"] = PRIMITIVE_POLYNOMIALS.get(waveform["order"], ())
     waveform["sample_rate"], waveform["chip_rate"] = bandwidth, sounder.waveform.chip_rate * ratio
     tables["processing"]["bandwidth"] = sounder.bandwidth * ratio
 

@@ -1,4 +1,4 @@
-"""Antenna patterns: gain off boresight, and the angles off boresight of a direction."""
+"""Antenna patterns: gain off boresight, and the angles of a direction off boresight."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from sounder.instrument.antenna_description import Antenna
 
-STEP = 0.25
-"""Spacing of the tabulated cuts [degree]."""
+ANGLE_STEP = 0.25
+"""Spacing of the tabulated cuts [degree]. A Gaussian lobe of 10 degree is then wrong by less than 0.002 dB."""
 
 Angles = NDArray[np.float64]
 
@@ -17,9 +17,9 @@ Angles = NDArray[np.float64]
 class Pattern:
     """Relative gain of an antenna, separable in its own azimuth and elevation.
 
-    ``g(x, y) = max(azimuth_cut(x) + elevation_cut(y), floor)`` [dB], zero at boresight, with the cuts tabulated every
-    :data:`STEP` degree from -180 to 180 and linear in dB between. A product of principal cuts is exact for an
-    aperture whose illumination is a product (a pyramidal horn), and overstates nothing above the floor.
+    ``g(x, y) = max(azimuth_cut(x) + elevation_cut(y), floor)`` [dB] is zero at boresight. The cuts are tabulated every
+    :data:`ANGLE_STEP` from -180 to 180 degree and linear in dB between. The product of the principal cuts is exact for
+    an aperture whose illumination is a product, such as a pyramidal horn.
 
     Attributes
     ----------
@@ -42,8 +42,8 @@ class Pattern:
 
     @classmethod
     def of(cls, antenna: Antenna) -> "Pattern":
-        """Tabulate the pattern that a description names."""
-        angle = np.arange(-180, 180 + STEP / 2, STEP)
+        """Tabulate the pattern of a described antenna."""
+        angle = _angles()
         if antenna.pattern == "flat":
             return cls(antenna.gain, np.zeros_like(angle), np.zeros_like(angle), 0.0)
         if antenna.cut is not None:
@@ -63,7 +63,7 @@ class Pattern:
 
     @property
     def sidelobe_level(self) -> float:
-        """Highest relative gain [dB] outside the main lobe, in either cut; the floor where there are no sidelobes."""
+        """Highest relative gain [dB] outside the main lobe in either cut; the floor if there are no sidelobes."""
         levels = [self.floor]
         middle = self.azimuth_cut.size // 2
         for cut in (self.azimuth_cut, self.elevation_cut):
@@ -75,39 +75,52 @@ class Pattern:
 
     def relative_gain(self, azimuth: Angles, elevation: Angles) -> Angles:
         """Gain relative to boresight [dB] at angles off boresight [degree]; shapes broadcast."""
-        angle = np.arange(-180, 180 + STEP / 2, STEP)
+        angle = _angles()
         total = np.interp(azimuth, angle, self.azimuth_cut) + np.interp(elevation, angle, self.elevation_cut)
         return np.maximum(total, self.floor)
 
     def beam_gain(
         self, azimuth: Angles, elevation: Angles, boresight_azimuth: Angles, boresight_elevation: Angles
     ) -> Angles:
-        """Relative gain [dB] toward a direction when the antenna looks at another; shapes broadcast."""
+        """Relative gain [dB] toward a direction when the antenna is pointed at another; shapes broadcast.
+
+        Examples
+        --------
+        >>> from sounder import load_sounder, shipped
+        >>> horn = Pattern.of(load_sounder(shipped.calibration("sounder-132ghz.toml")).rx_antenna)
+        >>> float(horn.beam_gain(65.0, 0.0, 70.0, 0.0).round(1))  # half the beamwidth off boresight
+        -3.0
+        """
         return self.relative_gain(*off_boresight(azimuth, elevation, boresight_azimuth, boresight_elevation))
+
+
+def _angles() -> Angles:
+    """Angles of the tabulated cuts [degree]."""
+    return np.arange(-180, 180 + ANGLE_STEP / 2, ANGLE_STEP)
 
 
 def off_boresight(
     azimuth: Angles, elevation: Angles, boresight_azimuth: Angles, boresight_elevation: Angles
 ) -> tuple[Angles, Angles]:
-    """Angles of a direction in the frame of an antenna that looks at another direction.
+    """Angles of a direction in the frame of an antenna that is pointed at another direction.
 
-    The antenna is turned about the vertical, then tilted; its frame has x along boresight, y to the left and z up.
+    The antenna is turned about the vertical, then tilted. Its frame has x along boresight, y to the left and z up.
 
     Parameters
     ----------
     azimuth, elevation : array (...)
         Direction [degree].
     boresight_azimuth, boresight_elevation : array (...)
-        Where the antenna looks [degree].
+        Direction that the antenna is pointed at [degree].
 
     Returns
     -------
     azimuth, elevation : array (...)
         ``atan2(y, x)`` and ``asin(z)`` [degree].
     """
-    turn = np.radians(np.asarray(azimuth) - boresight_azimuth)
+    relative = np.radians(np.asarray(azimuth) - boresight_azimuth)
     up, tilt = np.radians(elevation), np.radians(boresight_elevation)
-    x = np.cos(up) * np.cos(turn) * np.cos(tilt) + np.sin(up) * np.sin(tilt)
-    y = np.cos(up) * np.sin(turn)
-    z = np.sin(up) * np.cos(tilt) - np.cos(up) * np.cos(turn) * np.sin(tilt)
+    x = np.cos(up) * np.cos(relative) * np.cos(tilt) + np.sin(up) * np.sin(tilt)
+    y = np.cos(up) * np.sin(relative)
+    z = np.sin(up) * np.cos(tilt) - np.cos(up) * np.cos(relative) * np.sin(tilt)
     return np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(np.clip(z, -1, 1)))

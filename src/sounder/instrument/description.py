@@ -1,4 +1,4 @@
-"""The sounder description: what the instrument is, read from TOML, frozen and validated."""
+"""The sounder description: what the instrument is, read from a TOML file, validated and frozen."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -10,16 +10,28 @@ from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_files import read_cut
 from sounder.toml import NotNegative, Positive, Table, read_toml
 
-LINES = 16
-"""Least number of spectral lines kept: a delay is a slope of the phase over these."""
+MIN_SPECTRAL_LINES = 16
+"""Fewest spectral lines in the band kept. A delay is the slope of the phase over them. Chosen, not derived."""
 
 
 class Waveform(Table):
     """The transmitted m-sequence.
 
-    ``polynomial`` lists the exponents of the primitive characteristic polynomial, highest first: ``[9, 4, 0]`` is
-    ``x^9 + x^4 + 1``, that is ``s[n+9] = s[n+4] xor s[n]``. ``direction`` is the order in which the chips are sent,
-    ``polarity`` the sign of a 0 bit.
+    Attributes
+    ----------
+    order : int
+        The sequence has ``2**order - 1`` chips.
+    polynomial : tuple of int
+        Exponents of the primitive characteristic polynomial, highest first: ``(9, 4, 0)`` is ``x^9 + x^4 + 1``, that
+        is ``s[n+9] = s[n+4] xor s[n]``.
+    direction : {"forward", "reversed"}
+        Order in which the chips are sent.
+    polarity : {"positive", "negative"}
+        Sign of a 0 bit.
+    chip_rate, sample_rate : float
+        [Hz]
+    samples_per_chip : int
+        Must be ``sample_rate / chip_rate``.
     """
 
     order: Annotated[int, Field(ge=7, le=15)]
@@ -66,7 +78,7 @@ class Waveform(Table):
 
 
 def _register_period(order: int, polynomial: tuple[int, ...]) -> int:
-    """Steps after which the shift register of a polynomial is in its first state again."""
+    """Steps after which the shift register of a polynomial returns to its first state."""
     taps = sum(1 << exponent for exponent in polynomial if exponent < order)
     state, steps = 1, 0
     while steps == 0 or state != 1:
@@ -76,7 +88,19 @@ def _register_period(order: int, polynomial: tuple[int, ...]) -> int:
 
 
 class Carrier(Table):
-    """Carrier and how it is made: ``frequency = lo_frequency * multiplier + if_frequency`` [Hz]."""
+    """The carrier: ``frequency = lo_frequency * multiplier + if_frequency``.
+
+    Attributes
+    ----------
+    frequency : float
+        Carrier frequency at the antennas [Hz].
+    if_frequency : float
+        Intermediate frequency [Hz].
+    lo_frequency : float
+        Frequency of the local oscillator before its multiplier [Hz].
+    multiplier : int
+        Factor of the frequency multiplier.
+    """
 
     frequency: Positive
     if_frequency: NotNegative
@@ -95,7 +119,15 @@ class Carrier(Table):
 
 
 class Scan(Table):
-    """Directions the horn looks at [degree]: azimuth counter-clockwise from east, elevation above the horizon."""
+    """Directions the horn is pointed at; every azimuth is combined with every elevation.
+
+    Attributes
+    ----------
+    azimuth : tuple of float
+        Rising, within one turn [degree, counter-clockwise from east].
+    elevation : tuple of float
+        Rising [degree above the horizon].
+    """
 
     azimuth: tuple[float, ...]
     elevation: tuple[float, ...]
@@ -106,31 +138,45 @@ class Scan(Table):
             if not values or any(b <= a for a, b in pairwise(values)):
                 raise ValueError(f"{name} must hold rising values, at least one")
         if self.azimuth[-1] - self.azimuth[0] >= 360:
-            raise ValueError("azimuth goes round more than once; list each direction once")
+            raise ValueError("azimuth spans 360 degree or more; list each direction once")
         if min(self.elevation) < -90 or max(self.elevation) > 90:
-            raise ValueError("elevation leaves -90..90 degree")
+            raise ValueError("elevation must lie within -90 to 90 degree")
         return self
 
 
 class Transmitter(Table):
-    """Power into the transmit antenna [dBm]."""
+    """The transmitter.
+
+    Attributes
+    ----------
+    power : float
+        Power into the transmit antenna [dBm].
+    """
 
     power: float
 
 
 class Clock(Table):
-    """How the clock wanders against the back-to-back's.
+    """Drift of the clock since the back-to-back recording.
 
-    ``step`` is the standard deviation [s] of its random walk from one direction of the scan to the next.
+    Attributes
+    ----------
+    step : float
+        Standard deviation of the clock's random walk from one direction of the scan to the next [s].
     """
 
     step: NotNegative = 0.0
 
 
 class Artefact(Table):
-    """A copy that the instrument makes of every path: how much later [s], and how strong at most [dB].
+    """A copy of every path that the instrument makes.
 
-    The level is relative to the path in the same beam. Copies that come earlier have a negative delay.
+    Attributes
+    ----------
+    delay : float
+        Delay of the copy after its path [s]; negative for a copy that comes earlier.
+    level : float
+        Highest level of the copy relative to its path in the same beam [dB].
     """
 
     delay: float
@@ -139,15 +185,19 @@ class Artefact(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.delay == 0:
-            raise ValueError("delay is 0; expected how much later [s] than its path the copy comes")
+            raise ValueError("delay is 0; expected the delay of the copy after its path [s]")
         return self
 
 
 class Processing(Table):
-    """Choices about the instrument that processing needs.
+    """What the processing needs to know about the instrument.
 
-    ``bandwidth`` is kept by the de-embedding [Hz], full width about the carrier; default 0.9 of the main lobe.
-    ``artefact`` lists copies of paths that are not to be taken for paths.
+    Attributes
+    ----------
+    bandwidth : float, optional
+        Bandwidth kept by the de-embedding, full width about the carrier [Hz]; see `Sounder.bandwidth` for the default.
+    artefact : tuple of Artefact
+        Copies of paths that are not reported as paths.
     """
 
     bandwidth: Positive | None = None
@@ -155,13 +205,30 @@ class Processing(Table):
 
 
 class Sounder(Table):
-    """A channel sounder.
+    """Description of a channel sounder.
+
+    :func:`load_sounder` reads it from a TOML file. Its attributes are the tables of that file; it cannot be changed.
+
+    Attributes
+    ----------
+    name : str
+        Shown in messages.
+    waveform : Waveform
+    carrier : Carrier
+    tx_antenna, rx_antenna : Antenna
+    scan : Scan
+    transmitter : Transmitter
+    clock : Clock
+    processing : Processing
 
     Examples
     --------
-    >>> sounder = load_sounder("calibration/sounder-132ghz.toml")  # doctest: +SKIP
-    >>> sounder.waveform.samples  # doctest: +SKIP
+    >>> from sounder import load_sounder, shipped
+    >>> sounder = load_sounder(shipped.calibration("sounder-132ghz.toml"))
+    >>> sounder.waveform.samples
     1022
+    >>> print(f"{sounder.waveform.period * 1e9:.1f} ns, {sounder.bandwidth / 1e9:g} GHz")
+    851.7 ns, 1.08 GHz
     """
 
     name: str
@@ -176,25 +243,29 @@ class Sounder(Table):
 
     @property
     def bandwidth(self) -> float:
-        """Bandwidth kept by the de-embedding [Hz].
+        """Bandwidth kept by the de-embedding [Hz]: ``processing.bandwidth``, or 0.9 of the main lobe.
 
-        The spectrum of a chip held over ``samples_per_chip`` samples has its first null at the chip rate; for two
-        samples a chip that is exactly Nyquist. Nine tenths of the main lobe leave the null out.
+        The spectrum of held chips has its first null at the chip rate. The main lobe is twice as wide, or as wide as
+        the sample rate if that is less. Nine tenths of it leave out the null.
         """
-        widest = min(2 * self.waveform.chip_rate, self.waveform.sample_rate)
-        return self.processing.bandwidth or 0.9 * widest
+        return self.processing.bandwidth or 0.9 * self._main_lobe
+
+    @property
+    def _main_lobe(self) -> float:
+        return min(2 * self.waveform.chip_rate, self.waveform.sample_rate)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        widest = min(2 * self.waveform.chip_rate, self.waveform.sample_rate)
-        if self.bandwidth >= widest:
+        if self.bandwidth >= self._main_lobe:
             raise ValueError(
-                f"processing.bandwidth is {self.bandwidth / 1e9:g} GHz; the chips fill less than {widest / 1e9:g} GHz"
+                f"processing.bandwidth is {self.bandwidth / 1e9:g} GHz; expected less than the main lobe of the chips, "
+                f"{self._main_lobe / 1e9:g} GHz"
             )
-        if self.bandwidth * self.waveform.period < LINES:
-            least = LINES / self.waveform.period
+        if self.bandwidth * self.waveform.period < MIN_SPECTRAL_LINES:
+            least = MIN_SPECTRAL_LINES / self.waveform.period
             raise ValueError(
-                f"processing.bandwidth is {self.bandwidth:g} Hz; expected {least:g} Hz or more, {LINES} spectral lines"
+                f"processing.bandwidth is {self.bandwidth:g} Hz; expected {least:g} Hz or more, "
+                f"{MIN_SPECTRAL_LINES} spectral lines"
             )
         return self
 
@@ -202,12 +273,21 @@ class Sounder(Table):
 def load_sounder(path: Path | str) -> Sounder:
     """Read a sounder description.
 
-    The antenna cuts it names are read from the description's own folder.
+    Parameters
+    ----------
+    path : path
+        TOML file. Antenna cuts that it names are read from its folder.
 
     Raises
     ------
     DataError
         A file is missing or malformed, has an unknown key or an inconsistent value.
+
+    Examples
+    --------
+    >>> from sounder import load_sounder, shipped
+    >>> load_sounder(shipped.calibration("sounder-132ghz.toml")).name
+    '132 GHz rotating-horn sounder'
     """
     tables = read_toml(path)
     for antenna in (tables.get("tx_antenna"), tables.get("rx_antenna")):

@@ -1,4 +1,4 @@
-"""Scattering parameters of an attenuator from a touchstone file."""
+"""Transmission of an attenuator from a touchstone file."""
 
 from pathlib import Path
 
@@ -29,10 +29,17 @@ def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tu
     Raises
     ------
     DataError
-        The file is missing, is not touchstone, has not two ports, or does not cover the band.
+        The file is missing, is not a two-port touchstone file, or does not cover the band.
+
+    Examples
+    --------
+    >>> from sounder import shipped
+    >>> frequency, s21 = read_s21(shipped.calibration("attenuator-60db.s2p"), band=(131.4e9, 132.6e9))
+    >>> frequency.size, s21.dtype.name
+    (501, 'complex128')
     """
-    # imported slowly: it takes a second, and few commands read touchstone. Not skrf.Network, which would try to
-    # unpickle the file first
+    # Imported here because it takes a second and few commands read touchstone. Not skrf.Network: it would try to
+    # unpickle the file first.
     from skrf.io.touchstone import Touchstone
 
     path = Path(path)
@@ -47,7 +54,7 @@ def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tu
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DataError(f"{path}: not readable as touchstone ({reason}); expected a two-port .s2p file") from None
     if frequency.size < 2 or not np.isfinite(s21).all() or not np.all(np.diff(frequency) > 0) or not s21.all():
-        raise DataError(f"{path}: expected at least two rising frequencies with finite S21 other than 0")
+        raise DataError(f"{path}: expected two or more rising frequencies, with finite S21 other than 0")
     if band and not (frequency[0] <= band[0] and frequency[-1] >= band[1]):
         raise DataError(
             f"{path}: covers {frequency[0] / 1e9:.3f} to {frequency[-1] / 1e9:.3f} GHz; expected at least "
@@ -57,10 +64,10 @@ def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tu
 
 
 def transmission(frequency: Real, s21: Complex, wanted: Real) -> Complex:
-    """S21 at other frequencies: magnitude in dB and unwrapped phase, each linear between points.
+    """Interpolate S21: magnitude in dB and unwrapped phase, each linear between the measured points.
 
-    Outside the measured span the ends are held. Interpolating real and imaginary part instead would shorten
-    the chords of a device with delay.
+    Outside the measured span the end values hold. The real and the imaginary part are not interpolated by themselves,
+    because the magnitude of a device with delay would come out too small between points.
 
     Parameters
     ----------
@@ -68,6 +75,10 @@ def transmission(frequency: Real, s21: Complex, wanted: Real) -> Complex:
         [Hz] rising, and complex.
     wanted : array (...)
         [Hz]
+
+    Returns
+    -------
+    array complex (...)
     """
     gain = np.interp(wanted, frequency, 20 * np.log10(np.abs(s21)))
     phase = np.interp(wanted, frequency, np.unwrap(np.angle(s21)))

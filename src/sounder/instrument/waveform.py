@@ -1,4 +1,4 @@
-"""The m-sequence: its chips, its sampled template, and finding out which one an instrument sends."""
+"""The m-sequence: its chips, its sampled template, and which one a capture holds."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -22,7 +22,7 @@ def m_sequence(order: int, polynomial: tuple[int, ...]) -> NDArray[np.int8]:
     order : int
         Degree of the polynomial.
     polynomial : tuple of int
-        Its exponents, for example ``(9, 4, 0)``. It must be primitive, which a sounder description is held to.
+        Its exponents, for example ``(9, 4, 0)``. It must be primitive; a sounder description is checked for that.
 
     Returns
     -------
@@ -32,6 +32,11 @@ def m_sequence(order: int, polynomial: tuple[int, ...]) -> NDArray[np.int8]:
     References
     ----------
     Golomb, Shift Register Sequences, 1967.
+
+    Examples
+    --------
+    >>> m_sequence(3, (3, 1, 0))
+    array([1, 1, 1, 0, 0, 1, 0], dtype=int8)
     """
     length = 2**order - 1
     taps = [exponent for exponent in polynomial if exponent < order]
@@ -42,7 +47,7 @@ def m_sequence(order: int, polynomial: tuple[int, ...]) -> NDArray[np.int8]:
 
 
 def chips(waveform: Waveform) -> NDArray[np.int8]:
-    """Bits of one period in the order and with the polarity they are sent (a 0 is sent as +1).
+    """Bits of one period in the order and with the polarity in which they are sent; a 0 is sent as +1.
 
     Returns
     -------
@@ -56,22 +61,22 @@ def chips(waveform: Waveform) -> NDArray[np.int8]:
 
 
 def held_template(waveform: Waveform) -> NDArray[np.float64]:
-    """Template of the correlator: chips +-1, each held over ``samples_per_chip`` samples; shape (sample,)."""
+    """Template of the correlator (sample,): chips of +1 and -1, each held over ``samples_per_chip`` samples."""
     return np.repeat(1.0 - 2.0 * chips(waveform), waveform.samples_per_chip)
 
 
-def band_limited_template(waveform: Waveform, flat: float = 0.9) -> NDArray[np.complex128]:
-    """Transmitted waveform after an ideal reconstruction filter, unit mean power.
+def band_limited_template(waveform: Waveform, passband: float = 0.9) -> NDArray[np.complex128]:
+    """Transmitted waveform behind the converter's reconstruction filter, of mean power 1.
 
-    The spectrum of the held chips is kept up to ``flat`` times the main lobe or Nyquist, whichever is less, and falls
-    to zero there by a raised cosine, as analogue filters behind the converter make it.
+    The filter passes the spectrum of the held chips up to ``passband`` times the band edge, and falls to zero at the
+    edge as a raised cosine. The edge is the chip rate or half the sample rate, whichever is less.
 
     Parameters
     ----------
     waveform : Waveform
         The sequence.
-    flat : float
-        Fraction of the band that is left unchanged.
+    passband : float
+        Share of the band that is not attenuated [1]. The default is assumed, not measured.
 
     Returns
     -------
@@ -80,8 +85,8 @@ def band_limited_template(waveform: Waveform, flat: float = 0.9) -> NDArray[np.c
     """
     edge = min(waveform.chip_rate, waveform.sample_rate / 2)
     frequency = np.abs(np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate)) / edge
-    fall = np.clip((frequency - flat) / (1 - flat), 0, 1)
-    spectrum = np.fft.fft(held_template(waveform)) * (0.5 + 0.5 * np.cos(np.pi * fall))
+    roll_off = np.clip((frequency - passband) / (1 - passband), 0, 1)
+    spectrum = np.fft.fft(held_template(waveform)) * (0.5 + 0.5 * np.cos(np.pi * roll_off))
     sent = np.fft.ifft(spectrum)
     return sent / np.sqrt(np.mean(np.abs(sent) ** 2))
 
@@ -90,17 +95,17 @@ def band_limited_template(waveform: Waveform, flat: float = 0.9) -> NDArray[np.c
 class Identification:
     """Which m-sequence a capture holds.
 
-    Reversing a sequence in time is the same as taking the reciprocal polynomial, so a capture alone cannot tell
-    ``(polynomial, forward)`` from ``(reciprocal, reversed)``: ``polynomial`` and ``direction`` are one of the two.
+    A sequence that is reversed in time is the sequence of the reciprocal polynomial. A capture cannot tell
+    ``(polynomial, forward)`` from ``(reciprocal, reversed)``; ``polynomial`` and ``direction`` are one of the two.
 
     Attributes
     ----------
     order, samples_per_chip : int
     polynomial : tuple of int
     direction, polarity : str
-        As in the description; the polarity is the sign of the strongest path's real part.
+        As in the description. The polarity is the sign of the real part of the strongest path.
     margin : float
-        Peak of the correlation over the peak of the best other sequence [dB].
+        Peak of the correlation over the highest peak of any other sequence [dB].
     """
 
     order: int
@@ -111,10 +116,10 @@ class Identification:
     margin: float
 
 
-def is_described(found: Identification, waveform: Waveform) -> bool:
-    """Whether a sequence that was found is that of a description, but for its sign.
+def is_same_sequence(found: Identification, waveform: Waveform) -> bool:
+    """Whether a found sequence is the described one, whatever its polarity.
 
-    A sequence sent backwards is that of the reciprocal polynomial, exponents ``order - e`` for ``e``.
+    A reversed sequence is the sequence of the reciprocal polynomial, which has ``order - e`` for every exponent ``e``.
     """
 
     def forward(sequence: Identification | Waveform) -> list[int]:
@@ -128,62 +133,75 @@ def is_described(found: Identification, waveform: Waveform) -> bool:
 def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) -> Identification:
     """Find polynomial, direction and polarity of the m-sequence in a back-to-back capture.
 
-    Every m-sequence of one order is a decimation ``s[d n]`` of one of them by a ``d`` prime to its length, one for
-    each cyclotomic coset. All are correlated with the capture; the one whose peak stands out is the one sent.
+    All m-sequences of an order are decimations ``s[d n]`` of one of them, with one ``d`` prime to the length for each
+    cyclotomic coset. Each is correlated with the capture; the one whose peak stands out was sent.
 
     Parameters
     ----------
     capture : array (sample,)
         Complex samples of one period, averaged over snapshots.
     minimum_margin : float
-        The least peak over the best other sequence that counts as found [dB].
+        Least margin at which a sequence counts as found [dB]. Without noise the margin is at least 8.5 dB: two
+        m-sequences of these orders correlate to 383 of 1023 chips at most (Sarwate and Pursley, order 10).
 
     Returns
     -------
     Identification
-        Of the polynomial and its reciprocal, the one that comes first in the order of exponents is called forward.
+        Of the polynomial and its reciprocal, the one with the smaller exponents is called forward.
 
     Raises
     ------
     DataError
-        The length is that of no m-sequence of order 7-15 at 1-4 samples a chip, or no sequence stands out.
+        No m-sequence of order 7-15 at 1-4 samples a chip has this length, or no sequence stands out.
 
     References
     ----------
-    Golomb, Shift Register Sequences, 1967 (decimation); Massey, IEEE Trans. Inf. Theory 15, 1969 (polynomial).
-    """
-    from scipy.fft import fft, ifft  # in single precision, which numpy's had not before its version 2
+    Golomb, Shift Register Sequences, 1967 (decimation); Massey, IEEE Trans. Inf. Theory 15, 1969 (polynomial);
+    Sarwate and Pursley, Proc. IEEE 68, 1980, table I (cross-correlation).
 
-    factors = [
+    Examples
+    --------
+    >>> from sounder import load_sounder, shipped
+    >>> sent = band_limited_template(load_sounder(shipped.calibration("sounder-132ghz.toml")).waveform)
+    >>> found = identify(sent)
+    >>> found.order, found.polynomial, found.direction
+    (9, (9, 4, 0), 'forward')
+    """
+    from scipy.fft import fft, ifft  # single precision, which numpy has only since version 2
+
+    candidates = [
         (order, per_chip)
         for order in range(7, 16)
         for per_chip in range(1, 5)
         if (2**order - 1) * per_chip == capture.size
     ]
-    if not factors:
-        raise DataError(f"{capture.size} samples are no period of an m-sequence of order 7-15 at 1-4 samples a chip")
-    order, per_chip = factors[0]
+    if not candidates:
+        raise DataError(
+            f"{capture.size} samples a capture; expected the period of an m-sequence of order 7-15 at 1-4 samples "
+            "a chip"
+        )
+    order, per_chip = candidates[0]
     length = 2**order - 1
-    # The sum over a chip is its matched filter. Of its phases, the one that begins with the chips holds the most
-    # energy; decimating without the sum would alias noise.
+    # The sum over a chip is its matched filter; decimation without it would alias noise. The phase that begins with the
+    # chips holds the most energy.
     sums = np.sum([np.roll(capture, -k) for k in range(per_chip)], axis=0).reshape(length, per_chip).T
     spectrum = fft(sums[np.argmax(np.sum(np.abs(sums) ** 2, axis=1))].astype(np.complex64))
-    base = m_sequence(order, PRIMITIVE[order])
+    base = m_sequence(order, PRIMITIVE_POLYNOMIALS[order])
     base_spectrum = np.conj(fft(1.0 - 2.0 * base)).astype(np.complex64)
     index = np.arange(length)
     peaks: list[tuple[float, int, complex]] = []
     for decimation in _coset_leaders(order):
-        # Decimating a sequence by d decimates its spectrum by 1/d.
+        # decimation of a sequence by d decimates its spectrum by 1/d
         reference = base_spectrum[(pow(decimation, -1, length) * index) % length]
         correlation = ifft(spectrum * reference)
-        at = np.argmax(np.abs(correlation))
-        peaks.append((float(np.abs(correlation[at])), decimation, complex(correlation[at])))
+        peak = np.argmax(np.abs(correlation))
+        peaks.append((float(np.abs(correlation[peak])), decimation, complex(correlation[peak])))
     peaks.sort(key=lambda peak: -peak[0])
     (best, decimation, value), (second, *_) = peaks[:2]
     margin = 20 * np.log10(best / second) if second > 0 else 0.0
     if not margin >= minimum_margin:  # NaN included
         raise DataError(
-            f"no m-sequence of order {order} stands out: the best is {margin:.1f} dB over the next, "
+            f"no m-sequence of order {order} stands out: the best is {margin:.1f} dB above the next, "
             f"expected at least {minimum_margin:g} dB; is this a back-to-back capture?"
         )
     found = _characteristic_polynomial(base[(decimation * index) % length], order)
@@ -199,8 +217,8 @@ def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) ->
     )
 
 
-# One primitive polynomial of each order; the others follow by decimation. Source: Peterson & Weldon, 1972, table C.2.
-PRIMITIVE: dict[int, tuple[int, ...]] = {
+# One for each order; the others follow by decimation. Source: Peterson & Weldon, 1972, table C.2.
+PRIMITIVE_POLYNOMIALS: dict[int, tuple[int, ...]] = {
     7: (7, 1, 0),
     8: (8, 4, 3, 2, 0),
     9: (9, 4, 0),
@@ -215,7 +233,7 @@ PRIMITIVE: dict[int, tuple[int, ...]] = {
 
 @cache
 def _coset_leaders(order: int) -> tuple[int, ...]:
-    """Smallest member of every cyclotomic coset that is prime to the length; one a sequence."""
+    """Smallest member of each cyclotomic coset that is prime to the length; each stands for one sequence."""
     length = 2**order - 1
     leaders = []
     for d in range(1, length, 2):
@@ -226,7 +244,7 @@ def _coset_leaders(order: int) -> tuple[int, ...]:
 
 
 def _characteristic_polynomial(bits: NDArray[np.int8], order: int) -> tuple[int, ...]:
-    """Exponents of the polynomial that makes the sequence, by Gaussian elimination over GF(2)."""
+    """Exponents of the polynomial that generates the sequence, by Gaussian elimination over GF(2)."""
     rows = np.array([[*bits[n : n + order], bits[n + order]] for n in range(order)], dtype=np.uint8)
     for column in range(order):
         pivot = column + int(np.argmax(rows[column:, column]))

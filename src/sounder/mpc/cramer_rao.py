@@ -38,7 +38,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sounder.cir.deembedding import Deembedding
-from sounder.instrument.antenna_pattern import STEP, Pattern
+from sounder.instrument.antenna_pattern import ANGLE_STEP, Pattern
 
 Phases = Literal["own", "shared"]
 Real = NDArray[np.float64]
@@ -199,15 +199,16 @@ def gains(
 def _slopes(path_azimuth: Real, path_elevation: Real, azimuth: Real, elevation: Real, pattern: Pattern) -> Real:
     """Derivatives by azimuth and elevation [1/degree] of the amplitude pattern, and itself; (3, path, direction).
 
-    The cuts are linear in dB between angles ``STEP`` apart: differences over that step are those of the measured curve.
+    The cuts are linear in dB between angles ``ANGLE_STEP`` apart. Differences over that step are those of the measured
+    curve.
     """
 
     def level(east: float, up: float) -> Real:
         return gains(path_azimuth + east, path_elevation + up, azimuth, elevation, pattern)
 
     g = 10 ** (level(0, 0) / 20)
-    by_azimuth = (level(STEP, 0) - level(-STEP, 0)) / (2 * STEP * NEPER)
-    by_elevation = (level(0, STEP) - level(0, -STEP)) / (2 * STEP * NEPER)
+    by_azimuth = (level(ANGLE_STEP, 0) - level(-ANGLE_STEP, 0)) / (2 * ANGLE_STEP * NEPER)
+    by_elevation = (level(0, ANGLE_STEP) - level(0, -ANGLE_STEP)) / (2 * ANGLE_STEP * NEPER)
     return np.stack([by_azimuth * g, by_elevation * g, g])
 
 

@@ -13,7 +13,7 @@ from erm.common.errors import DataError
 from erm.common.storage import SOFTWARE, open_group
 from sounder.cir.impulse_response import CLIPPED, clipped
 from sounder.instrument.description import Sounder
-from sounder.instrument.waveform import identify, is_described
+from sounder.instrument.waveform import identify, is_same_sequence
 from sounder.recordings import native
 from sounder.recordings.open import open_recordings
 from sounder.recordings.recording import BackToBack, Recording
@@ -116,7 +116,9 @@ def describe_back_to_back(b2b: BackToBack) -> Lines:
         )
         described = b2b.sounder.waveform
         told = f"order {described.order}, polynomial {list(described.polynomial)} {described.direction}"
-        agrees = f"the same as the described {told}" if is_described(found, described) else f"not the described {told}"
+        agrees = (
+            f"the same as the described {told}" if is_same_sequence(found, described) else f"not the described {told}"
+        )
         sequence = f"{sequence}; {agrees}"
     except DataError as error:
         sequence = str(error)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from erm.common.errors import DataError
 from sounder.cir.deembedding import REGULARISATION, band_window, make_deembedding
-from sounder.instrument.waveform import PRIMITIVE, band_limited_template, held_template, m_sequence
+from sounder.instrument.waveform import PRIMITIVE_POLYNOMIALS, band_limited_template, held_template, m_sequence
 
 SAMPLE = 1 / 1.2e9
 PERIOD = 1022 * SAMPLE
@@ -210,9 +210,9 @@ def test_back_to_back_of_another_sequence_of_the_same_length_is_refused(
     description, back_to_back_maker, bench_maker, order
 ):
     """All of them: preferred pairs, whose correlation is mostly -1, and the worst, peaking 8.5 dB under full gain."""
-    ours = description(waveform={"order": order, "polynomial": PRIMITIVE[order]})
+    ours = description(waveform={"order": order, "polynomial": PRIMITIVE_POLYNOMIALS[order]})
     template = np.fft.fft(held_template(ours.waveform))
-    bits = m_sequence(order, PRIMITIVE[order])
+    bits = m_sequence(order, PRIMITIVE_POLYNOMIALS[order])
     length, n = bits.size, np.arange(bits.size)
     cosets = {min((int(d) << k) % length for k in range(order)) for d in n[1:]}
     others = [d for d in cosets if d > 1 and np.gcd(d, length) == 1]

@@ -104,9 +104,12 @@ def test_another_sounder_is_another_file_and_no_code(edited):
         ({"rx_antenna__pattern": 'pattern = "dipole"'}, "rx_antenna.pattern is 'dipole'; expected 'gaussian'"),
         ({"scan__elevation": "elevation = [0, -9, 9]"}, "scan: elevation must hold rising values"),
         ({"scan__elevation": "elevation = []"}, "scan: elevation must hold rising values, at least one"),
-        ({"scan__elevation": "elevation = [0, 91]"}, "scan: elevation leaves"),
+        ({"scan__elevation": "elevation = [0, 91]"}, "scan: elevation must lie within -90 to 90 degree"),
         ({"scan__azimuth": "azimuth = [0, 360]\nunused = ["}, "scan"),
-        ({"processing__bandwidth": "bandwidth = 1.2e9"}, "processing.bandwidth is 1.2 GHz"),
+        (
+            {"processing__bandwidth": "bandwidth = 1.2e9"},
+            "processing.bandwidth is 1.2 GHz; expected less than the main lobe of the chips, 1.2 GHz",
+        ),
         # 16 lines of 1 / 851.67 ns each
         (
             {"processing__bandwidth": "bandwidth = 1e3"},
@@ -114,7 +117,7 @@ def test_another_sounder_is_another_file_and_no_code(edited):
         ),
         (
             {"processing__bandwidth": "artefact = [{ delay = 0.0, level = -20.0 }]"},
-            "delay is 0; expected how much later",
+            "delay is 0; expected the delay of the copy",
         ),
         (
             {"processing__bandwidth": "artefact = [{ delay = 1e-8, level = 3.0 }]"},
@@ -135,7 +138,7 @@ def test_what_does_not_fit_is_named_in_one_line(edited, replaced, told):
 def test_a_scan_names_no_direction_twice():
     tables = load_sounder(SHIPPED).model_dump()
     tables["scan"]["azimuth"] = [0.0, 180.0, 360.0]
-    with pytest.raises(DataError, match="azimuth goes round more than once"):
+    with pytest.raises(DataError, match="azimuth spans 360 degree or more"):
         Sounder.from_tables(tables, "x")
 
 

@@ -11,7 +11,14 @@ from scipy.signal import max_len_seq
 
 from erm.common.errors import DataError
 from sounder.instrument.description import Waveform
-from sounder.instrument.waveform import PRIMITIVE, band_limited_template, chips, held_template, identify, m_sequence
+from sounder.instrument.waveform import (
+    PRIMITIVE_POLYNOMIALS,
+    band_limited_template,
+    chips,
+    held_template,
+    identify,
+    m_sequence,
+)
 from sounder.recordings.native import back_to_back
 from sounder.shipped import calibration
 
@@ -19,7 +26,7 @@ ORDERS = range(7, 16)
 
 
 def waveform(order: int = 9, polynomial: tuple[int, ...] | None = None, per_chip: int = 2, **keys) -> Waveform:
-    polynomial = polynomial or PRIMITIVE[order]
+    polynomial = polynomial or PRIMITIVE_POLYNOMIALS[order]
     rates = {"chip_rate": 6e8, "samples_per_chip": per_chip, "sample_rate": 6e8 * per_chip}
     return Waveform(order=order, polynomial=polynomial, **rates, **keys)
 
@@ -44,7 +51,7 @@ def period(sequence: np.ndarray) -> int:
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_properties_of_golomb(order):
-    bits = m_sequence(order, PRIMITIVE[order])
+    bits = m_sequence(order, PRIMITIVE_POLYNOMIALS[order])
     length = 2**order - 1
     assert bits.size == period(bits) == length
     assert bits.sum() == 2 ** (order - 1)  # balance: one 1 more than 0s
@@ -62,7 +69,7 @@ def test_properties_of_golomb(order):
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_recurrence_is_that_of_the_polynomial(order):
-    polynomial = PRIMITIVE[order]
+    polynomial = PRIMITIVE_POLYNOMIALS[order]
     bits = np.tile(m_sequence(order, polynomial), 2)
     n = np.arange(2**order - 1)
     assert np.array_equal(bits[n + order], np.bitwise_xor.reduce([bits[n + e] for e in polynomial[1:]], axis=0))
@@ -137,13 +144,13 @@ def test_other_orders_and_rates_are_told(order, per_chip):
     found = identify(np.roll(band_limited_template(described), 1234 % described.samples))
     assert found.order == order
     assert found.samples_per_chip == per_chip
-    assert (found.polynomial, found.direction) == (PRIMITIVE[order], "reversed")
+    assert (found.polynomial, found.direction) == (PRIMITIVE_POLYNOMIALS[order], "reversed")
 
 
 @pytest.mark.parametrize(("order", "cross"), [(7, 41), (8, 95), (9, 113), (10, 383), (11, 287)])
 def test_margin_is_what_the_worst_pair_of_sequences_leaves(order, cross):
     # largest crosscorrelation of two m-sequences: Sarwate and Pursley, Proc. IEEE 68 (1980), table I
-    capture = 1.0 - 2.0 * m_sequence(order, PRIMITIVE[order])
+    capture = 1.0 - 2.0 * m_sequence(order, PRIMITIVE_POLYNOMIALS[order])
     margin = 20 * np.log10((2**order - 1) / cross)
     assert identify(capture + 0j).margin == pytest.approx(margin, abs=1e-3)  # in single precision
 
@@ -160,7 +167,7 @@ def test_a_dc_offset_does_not_hide_the_sequence():
         (np.full(1022, np.nan + 0j), "stands out"),
         (np.random.default_rng(1).standard_normal((1022, 2)) @ [1, 1j], "no m-sequence of order 9 stands out"),
         (np.exp(0.3j * np.arange(1022)), "stands out"),
-        (np.ones(1000, complex), "1000 samples are no period of an m-sequence"),
+        (np.ones(1000, complex), "1000 samples a capture; expected the period of an m-sequence"),
     ],
 )
 def test_what_is_no_m_sequence_is_refused(capture, told):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sounder.instrument.antenna_pattern import STEP, Pattern
+from sounder.instrument.antenna_pattern import ANGLE_STEP, Pattern
 from sounder.mpc.pattern_slopes import Cuts, slopes
 
 
@@ -24,7 +24,7 @@ def test_slopes_are_those_of_the_pattern(bench):
     g, turned, raised = slopes(azimuth, elevation, looks, Cuts.of(pattern))
     np.testing.assert_allclose(g, np.exp(level(0, 0)), rtol=1e-9)
     curve = max(np.abs(np.diff(cut, 2)).max() for cut in (pattern.azimuth_cut, pattern.elevation_cut))
-    for made, (east, up) in ((turned, (STEP, 0)), (raised, (0, STEP))):
-        difference = (level(east, up) - level(-east, -up)) / (2 * STEP)
+    for made, (east, up) in ((turned, (ANGLE_STEP, 0)), (raised, (0, ANGLE_STEP))):
+        difference = (level(east, up) - level(-east, -up)) / (2 * ANGLE_STEP)
         above = np.exp(np.minimum(level(east, up), level(-east, -up))) > 10 ** (pattern.floor / 20)  # no kink between
-        assert np.abs(made - g * difference)[above].max() < 0.5 * curve * np.log(10) / 20 / STEP
+        assert np.abs(made - g * difference)[above].max() < 0.5 * curve * np.log(10) / 20 / ANGLE_STEP
