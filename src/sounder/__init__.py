@@ -23,28 +23,25 @@ Each name is imported when it is first used, so that ``import sounder`` is fast.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from erm.common.version import __version__
 
 if TYPE_CHECKING:
-    from erm.common.errors import DataError as DataError
-    from sounder.campaign.description import load_campaign as load_campaign
-    from sounder.campaign.run import run_campaign as run_campaign
-    from sounder.cir.impulse_response import calibrate as calibrate
-    from sounder.cir.impulse_response import impulse_responses as impulse_responses
-    from sounder.cir.power_spectrum import daps as daps
-    from sounder.instrument.description import Sounder as Sounder
-    from sounder.instrument.description import load_sounder as load_sounder
-    from sounder.mpc.cramer_rao import cramer_rao as cramer_rao
-    from sounder.mpc.score import score as score
-    from sounder.options import Options as Options
-    from sounder.processing.jobs import gather as gather
-    from sounder.processing.pipeline import process as process
-    from sounder.recordings.open import open_recordings as open_recordings
-    from sounder.recordings.recording import BackToBack as BackToBack
-    from sounder.recordings.recording import Recording as Recording
-    from sounder.twin.simulate import simulate as simulate
-
-__version__ = "0.1.0"
+    from erm.common.errors import DataError
+    from sounder.campaign.description import load_campaign
+    from sounder.campaign.run import run_campaign
+    from sounder.cir.impulse_response import calibrate, impulse_responses
+    from sounder.cir.power_spectrum import daps
+    from sounder.instrument.description import Sounder, load_sounder
+    from sounder.mpc.cramer_rao import cramer_rao
+    from sounder.mpc.score import score
+    from sounder.options import Options
+    from sounder.processing.jobs import gather
+    from sounder.processing.pipeline import process
+    from sounder.recordings.open import open_recordings
+    from sounder.recordings.recording import BackToBack, Recording
+    from sounder.twin.simulate import simulate
 
 _MODULES = {
     "BackToBack": "sounder.recordings.recording",
@@ -65,16 +62,37 @@ _MODULES = {
     "score": "sounder.mpc.score",
     "simulate": "sounder.twin.simulate",
 }
-__all__ = sorted(_MODULES)
+"""Module of each public name."""
+
+__all__ = [
+    "BackToBack",
+    "DataError",
+    "Options",
+    "Recording",
+    "Sounder",
+    "__version__",
+    "calibrate",
+    "cramer_rao",
+    "daps",
+    "gather",
+    "impulse_responses",
+    "load_campaign",
+    "load_sounder",
+    "open_recordings",
+    "process",
+    "run_campaign",
+    "score",
+    "simulate",
+]
 
 
-def __getattr__(name: str) -> object:
+def __getattr__(name: str) -> Any:
     """Import a public name when it is first used (PEP 562)."""
     if name not in _MODULES:
-        raise AttributeError(f"module 'sounder' has no attribute {name!r}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(_MODULES[name]), name)
     return value
 
 
 def __dir__() -> list[str]:
-    return ["__version__", *__all__]
+    return __all__

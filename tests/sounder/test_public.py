@@ -10,7 +10,7 @@ import pytest
 import sounder
 
 
-@pytest.mark.parametrize("name", sounder.__all__)
+@pytest.mark.parametrize("name", sounder._MODULES)
 def test_each_public_name_is_that_of_what_it_names(name):
     assert getattr(sounder, name).__name__ == name
     assert name in dir(sounder)
@@ -19,8 +19,9 @@ def test_each_public_name_is_that_of_what_it_names(name):
 def test_type_checkers_see_the_same_names():
     tree = ast.parse(Path(sounder.__file__).read_text(encoding="utf-8"))
     (block,) = (node for node in tree.body if isinstance(node, ast.If))
-    seen = {alias.asname: node.module for node in block.body for alias in node.names}
+    seen = {alias.name: node.module for node in block.body for alias in node.names}
     assert seen == sounder._MODULES
+    assert sorted([*seen, "__version__"]) == sounder.__all__
 
 
 def test_a_name_that_does_not_exist_is_an_attribute_error():
