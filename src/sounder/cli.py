@@ -25,8 +25,6 @@ app = typer.Typer(
 )
 
 console.add_version(app)
-FEW = 3
-"""Positions of a file that are told of at length."""
 
 Layout = Annotated[Path | None, typer.Option(help="How a foreign HDF5 or MATLAB file is laid out (TOML).")]
 Description = Annotated[
@@ -72,28 +70,21 @@ def info(
     file: Annotated[Path, typer.Argument(help="Raw recording, back-to-back recording or product.")],
     layout: Layout = None,
     sounder: Description = None,
-    each: Annotated[bool, typer.Option("--each", help=f"Tell all of each position, of more than {FEW} too.")] = False,
+    each: Annotated[
+        bool, typer.Option("--each", help="Describe each position in full, however many there are.")
+    ] = False,
 ) -> None:
-    """Tell what a raw or product file holds, and its health."""
-    from sounder.processing import summary
+    """Describe what a file holds and whether it is healthy."""
+    from sounder.processing.summary import HEADER, Table, describe_file, describe_foreign_file
 
+    tables: list[Table] = []
+    failures: list[str] = []
     if layout is None:
-        console.show(["what", "value"], summary.describe_file(file))
-        return
-    from sounder.processing.jobs import open_file, refusals
-
-    found, b2b = open_file(file, layout=layout, sounder=sounder)
-    failures = refusals(file, found)
-    recordings = [item for item in found if not isinstance(item, DataError)]
-    if len(recordings) > FEW and not each:
-        common, header, rows = summary.describe_positions(recordings)
-        console.show(["what", "value"], [*common, ("positions", str(len(rows)))])
-        console.show(header, rows)
+        tables.append((HEADER, describe_file(file)))
     else:
-        for recording in recordings:
-            console.show(["what", "value"], summary.describe_recording(recording))
-    if b2b is not None:
-        console.show(["what", "value"], summary.describe_back_to_back(b2b))
+        tables, failures = describe_foreign_file(file, layout, sounder, in_full=each)
+    for header, rows in tables:
+        console.show(header, rows)
     console.report_failures(failures)
 
 

@@ -17,6 +17,7 @@ from erm.common.netcdf import write_group
 from erm.common.version import __version__
 
 if TYPE_CHECKING:
+    import h5py
     import xarray as xr
 
 SOFTWARE = f"sounder-to-map {__version__}"
@@ -163,6 +164,35 @@ def damaged(path: Path, error: OSError) -> DataError:
     return DataError(f"{path}: damaged HDF5 file ({what}); make or copy it anew")
 
 
+@contextmanager
+def open_hdf5(path: Path, expected: str = "a file of this software") -> Iterator["h5py.File"]:
+    """Open an HDF5 file for reading.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    expected : str
+        What the file should be, for errors.
+
+    Raises
+    ------
+    DataError
+        The file is missing, is not HDF5, or is damaged.
+    """
+    import h5py  # slow to import; --help must stay fast
+
+    require_file(path)
+    if not h5py.is_hdf5(path):
+        raise DataError(f"{path}: not an HDF5 file; expected {expected}")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise damaged(path, error) from None
+    with file:
+        yield file
+
+
 def open_group(path: Path | str, group: str = "/", expected: str = "a product of this software") -> "xr.Dataset":
     """Load one group of a product into memory, and close the file.
 
@@ -180,21 +210,17 @@ def open_group(path: Path | str, group: str = "/", expected: str = "a product of
     DataError
         The file is missing, is not HDF5, is damaged, or has no such group.
     """
-    import h5py  # slow to import; --help must stay fast
     import xarray as xr
 
     path = Path(path)
-    require_file(path)
-    if not h5py.is_hdf5(path):
-        raise DataError(f"{path}: not an HDF5 file; expected {expected}")
+    with open_hdf5(path, expected) as file:
+        held = sorted(file)
+        present = group in file
+    if not present:
+        what = "holds raw captures" if "iq" in held else f"holds {', '.join(held[:5]) or 'nothing'}"
+        then = "process them first" if "iq" in held else f"expected {expected}"
+        raise DataError(f"{path}: {what} but no group {group}; {then}")
     try:
-        with h5py.File(path, "r") as file:
-            held = sorted(file)
-            present = group in file
-        if not present:
-            what = "holds raw captures" if "iq" in held else f"holds {', '.join(held[:5]) or 'nothing'}"
-            then = "process them first" if "iq" in held else f"expected {expected}"
-            raise DataError(f"{path}: {what} but no group {group}; {then}")
         with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
             return dataset.load()
     except OSError as error:

@@ -14,7 +14,7 @@ from erm.common.page import Page, cell
 from erm.common.storage import SOFTWARE
 from erm.mpcs.reasons import Reason, count_reasons
 from sounder.instrument.description import Sounder
-from sounder.processing.summary import describe_sounder
+from sounder.processing.recording_summary import describe_sounder
 
 if TYPE_CHECKING:
     from sounder.campaign.description import Campaign

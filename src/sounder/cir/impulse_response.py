@@ -16,10 +16,7 @@ from sounder.kernels.correlation.clipping import count_rails
 from sounder.kernels.correlation.directions import processors
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.options import Averaging
-from sounder.recordings.recording import BackToBack, Captures, Recording
-
-CLIPPED = 1e-3
-"""Fraction of numbers at the converter's ends from which a direction counts as clipped."""
+from sounder.recordings.recording import CLIPPED_SHARE, BackToBack, Captures, Recording, clipped_share
 
 
 @dataclass(frozen=True)
@@ -45,18 +42,13 @@ def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
     captures = b2b.captures
     if not np.isfinite(captures).all():
         raise DataError(f"{b2b.source}: back-to-back samples are NaN or infinite; record it again")
-    if captures.dtype == np.int16 and clipped(captures) > CLIPPED:
+    if clipped_share(captures) > CLIPPED_SHARE:
         raise DataError(f"{b2b.source}: the back-to-back captures are clipped; record them with less gain")
     complex_captures = captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]
     mean = complex_captures.mean(axis=0, dtype=complex)
     if mean.size == waveform.samples:
         mean = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip).correlate_mean(mean)
     return make_deembedding(b2b, mean, recording.sounder, recording.scale_factor)
-
-
-def clipped(captures: Captures) -> float:
-    """Share of the numbers of int16 captures at the ends of the converter's range."""
-    return count_rails(captures)[0] / captures.size
 
 
 def impulse_responses(
@@ -203,7 +195,7 @@ class _Blocks:
             return NOT_FINITE
         if not self.signal:
             return ZERO
-        if self._rails > CLIPPED * self._numbers:
+        if self._rails > CLIPPED_SHARE * self._numbers:
             return (*RAILS, self._rails / self._numbers)
         return None
 

@@ -1,24 +1,28 @@
-"""What a raw or product file holds, and whether it is healthy; as labelled lines."""
+"""What a file holds and whether it is healthy, as labelled lines.
+
+Products and maps are read with h5py alone: `sounder info` must not wait for the libraries that made them.
+"""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import ArrayLike
 
 from erm.common.console import counted
 from erm.common.errors import DataError
-from erm.common.storage import SOFTWARE, open_group
-from sounder.cir.impulse_response import CLIPPED, clipped
-from sounder.instrument.description import Sounder
-from sounder.instrument.waveform import identify, is_same_sequence
-from sounder.recordings import native
-from sounder.recordings.open import open_recordings
-from sounder.recordings.recording import BackToBack, Recording
+from erm.common.storage import SOFTWARE, open_hdf5
 
 Lines = list[tuple[str, str]]
+Table = tuple[Sequence[str], Iterable[Sequence[object]]]
+"""Header and rows."""
+
+HEADER = ("what", "value")
+MAX_DESCRIBED_IN_FULL = 3
+"""Positions of a file that are described in full; more are described in a line each. Chosen; not derived."""
 
 
 def describe_file(path: Path) -> Lines:
@@ -33,167 +37,116 @@ def describe_file(path: Path) -> Lines:
     DataError
         The file is missing or none of these.
     """
-    with native.opened(
-        path, "a recording or a product; for MATLAB's format say how it is laid out with --layout"
-    ) as file:
-        kind = native.kind_of(path)
-        product = "mpc" in file and "daps" in file
-        other = None if product or kind else _other(file)
-    if kind == native.BACK_TO_BACK:
-        return describe_back_to_back(native.back_to_back(path))
-    if product:
-        return _product(path)
-    if other:
-        return other
-    return [line for recording in open_recordings(path) for line in describe_recording(recording)]
+    expected = "a recording or a product; for a MATLAB file describe its layout with --layout"
+    with open_hdf5(path, expected) as file:
+        if "mpc" in file and "daps" in file:
+            return _product(file)
+        if "kind" not in file.attrs and (other := _other(file)):
+            return other
+    from sounder.processing import recording_summary as recordings
+    from sounder.recordings import native
+    from sounder.recordings.open import open_recordings
+
+    if native.kind_of(path) == native.BACK_TO_BACK:
+        return recordings.describe_back_to_back(native.back_to_back(path))
+    return [line for recording in open_recordings(path) for line in recordings.describe_recording(recording)]
 
 
-def describe_recording(recording: Recording) -> Lines:
-    """Describe a recording; reads all its samples."""
-    levels, rails, zeros = [], [], 0
-    for a, e in np.argwhere(recording.valid):
-        captures = recording.captures(int(a), int(e))
-        power = np.mean(np.abs(captures.astype(np.complex64 if captures.dtype.kind == "c" else np.float32)) ** 2)
-        if power == 0:
-            zeros += 1
-            continue
-        parts = 1 if captures.dtype.kind == "c" else 2
-        levels.append(10 * np.log10(power * parts) - recording.agc_gain[a, e])
-        if captures.dtype == np.int16:
-            rails.append(clipped(captures))
-    at_rails = sum(share > CLIPPED for share in rails)
-    scale = 20 * np.log10(recording.scale_factor)
-    health = [
-        f"{len(recording.missing)} directions missing" if recording.missing else "no direction missing",
-        f"{zeros} all zero" if zeros else "none zero",
-        f"{at_rails} clipped" if at_rails else "none clipped",
-    ]
-    return [
-        ("kind", "raw recording"),
-        ("position", recording.name),
-        ("line of sight", {1: "yes", 0: "no"}.get(recording.los, "not known")),
-        *describe_sounder(recording.sounder),
-        ("directions", f"{recording.azimuth.size} azimuths x {recording.elevation.size} elevations"),
-        ("snapshots", f"{recording.snapshots} a direction"),
-        ("TX position", _metres(recording.tx_position)),
-        ("RX position", _metres(recording.rx_position)),
-        (
-            "received power",
-            f"{min(levels) + scale:.1f} to {max(levels) + scale:.1f} dBm over the directions" if levels else "none",
-        ),
-        ("health", ", ".join(health)),
-    ]
+def describe_foreign_file(
+    path: Path, layout: Path, sounder: Path | None = None, *, in_full: bool = False
+) -> tuple[list[Table], list[str]]:
+    """Describe the positions of a foreign file, and the back-to-back it holds.
 
-
-def describe_positions(recordings: Sequence[Recording]) -> tuple[Lines, list[str], list[list[str]]]:
-    """Describe the positions of one file, a line each; reads all their samples.
+    Parameters
+    ----------
+    path, layout, sounder : Path
+        As for :func:`sounder.processing.jobs.gather`.
+    in_full : bool
+        Describe each position in full, also where there are more than :data:`MAX_DESCRIBED_IN_FULL`.
 
     Returns
     -------
-    common : list of (label, text)
-        What is the same of all.
-    header : list of str
-        What is not.
-    rows : list of list of str
-        That of each position.
+    tables : list of (header, rows)
+    failures : list of str
+        One line for each problem of positions that cannot be used.
+
+    Raises
+    ------
+    DataError
+        The file, the layout or the description cannot be used.
     """
-    told = [dict(describe_recording(recording)) for recording in recordings]
-    texts = {label: [lines[label] for lines in told] for label in told[0]}
-    differ = [label for label, column in texts.items() if len(set(column)) > 1]
-    common = [(label, column[0]) for label, column in texts.items() if label not in differ]
-    return common, differ, [[lines[label] for label in differ] for lines in told]
+    from sounder.processing import recording_summary
+    from sounder.processing.jobs import open_file, refusals
+
+    found, b2b = open_file(path, layout=layout, sounder=sounder)
+    recordings = [item for item in found if not isinstance(item, DataError)]
+    tables: list[Table] = []
+    if len(recordings) > MAX_DESCRIBED_IN_FULL and not in_full:
+        common, header, rows = recording_summary.describe_positions(recordings)
+        tables += [(HEADER, [*common, ("positions", str(len(rows)))]), (header, rows)]
+    else:
+        tables += [(HEADER, recording_summary.describe_recording(recording)) for recording in recordings]
+    if b2b is not None:
+        tables.append((HEADER, recording_summary.describe_back_to_back(b2b)))
+    return tables, refusals(path, found)
 
 
-def describe_back_to_back(b2b: BackToBack) -> Lines:
-    """Describe a back-to-back recording, with the sequence found in it."""
-    captures = b2b.captures
-    mean = (captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]).mean(axis=0)
+def _product(file: h5py.File) -> Lines:
+    path, daps, mpc = file.filename, file["daps"], file["mpc"]
     try:
-        found = identify(mean.astype(complex))
-        sequence = (
-            f"order {found.order}, polynomial {list(found.polynomial)} {found.direction}, {found.polarity}, "
-            f"{found.samples_per_chip} samples a chip; {found.margin:.1f} dB over the next"
-        )
-        described = b2b.sounder.waveform
-        told = f"order {described.order}, polynomial {list(described.polynomial)} {described.direction}"
-        agrees = (
-            f"the same as the described {told}" if is_same_sequence(found, described) else f"not the described {told}"
-        )
-        sequence = f"{sequence}; {agrees}"
-    except DataError as error:
-        sequence = str(error)
-    measured = "measured S21" if b2b.s21 is not None else "nominal"
-    return [
-        ("kind", "back-to-back recording"),
-        ("title", b2b.title),
-        *describe_sounder(b2b.sounder),
-        ("snapshots", str(len(captures))),
-        ("attenuation", f"{b2b.attenuation:g} dB ({measured})"),
-        ("sequence found", sequence),
-    ]
+        attributes: dict[str, Any] = dict(file.attrs)
+        lines = [
+            ("kind", "product of sounder process"),
+            ("position", str(file["position"].asstr()[0])),
+            ("line of sight", line_of_sight(int(attributes["los"]))),
+            ("frequency", f"{attributes['frequency'] / 1e9:g} GHz"),
+            ("TX position", metres(file["tx_position"][0])),
+            ("RX position", metres(file["rx_position"][0])),
+            ("directions", f"{daps['azimuth'].size} azimuths x {daps['elevation'].size} elevations"),
+            ("noise floor", f"{np.nanmedian(daps['noise_floor'][()]):.1f} dB (median over directions)"),
+            ("MPCs", str(mpc["delay"].size)),
+            (
+                "outside the scan",
+                f"{counted(mpc.attrs['paths_outside_fan'], 'path')} seen by sidelobes only; not among the MPCs",
+            ),
+            ("strongest", _strongest(mpc)),
+            (
+                "health",
+                f"{counted(attributes['missing_directions'], 'direction')} missing, "
+                f"{attributes['problem_directions']} with zero or clipped samples",
+            ),
+        ]
+        for name in ("failures", "notes"):
+            lines += [(name.removesuffix("s"), line) for line in json.loads(attributes.get(name, "[]"))]
+        lines.append(("made by", f"{attributes['source']}, {attributes['processing_options']}"))
+    except KeyError as error:
+        raise DataError(f"{path}: {error.args[0]}; expected a whole product; process the recording again") from None
+    return lines
+
+
+def _strongest(mpc: h5py.Group) -> str:
+    if not mpc["delay"].size:
+        return "none"
+    delay, azimuth, gain = (float(mpc[name][0]) for name in ("delay", "azimuth", "path_gain"))
+    return f"{delay * 1e9:.2f} ns, azimuth {azimuth:.1f} degree, path gain {gain:.1f} dB"
 
 
 def _other(file: h5py.File) -> Lines | None:
-    """What a truth or a map says of itself; None of a file of other software."""
-    said = [(label, file.attrs.get(name)) for label, name in (("kind", "title"), ("made by", "history"))]
+    """What a truth file or a map says about itself; None for a file of other software."""
     source = str(file.attrs.get("source", ""))
     if not source.startswith(SOFTWARE.partition(" ")[0]):
         return None
+    labelled = [(label, file.attrs.get(name)) for label, name in (("kind", "title"), ("made by", "history"))]
     axes = {name: len(node) for name, node in file.items() if getattr(node, "is_scale", False) and name != "xyz"}
     holds = ", ".join(counted(length, name) for name, length in axes.items())
-    return [*((label, str(text)) for label, text in said if text), ("holds", holds), ("software", source)]
+    return [*((label, str(text)) for label, text in labelled if text), ("holds", holds), ("software", source)]
 
 
-def _product(path: Path) -> Lines:
-    root, daps, mpc = (open_group(path, group) for group in ("/", "/daps", "/mpc"))
-    strongest: Any = mpc.isel(mpc=0) if mpc.sizes["mpc"] else None
-    return [
-        ("kind", "product of sounder process"),
-        ("position", str(root["position"].values[0])),
-        ("line of sight", {1: "yes", 0: "no"}.get(int(root.attrs["los"]), "not known")),
-        ("frequency", f"{root.attrs['frequency'] / 1e9:g} GHz"),
-        ("TX position", _metres(root["tx_position"].values[0])),
-        ("RX position", _metres(root["rx_position"].values[0])),
-        ("directions", f"{daps.sizes['azimuth']} azimuths x {daps.sizes['elevation']} elevations"),
-        ("noise floor", f"{float(daps['noise_floor'].median()):.1f} dB (median over directions)"),
-        ("MPCs", str(mpc.sizes["mpc"])),
-        (
-            "outside the fan",
-            f"{counted(mpc.attrs['paths_outside_fan'], 'path')} that only sidelobes saw, not among the MPCs",
-        ),
-        (
-            "strongest",
-            "none"
-            if strongest is None
-            else f"{float(strongest['delay']) * 1e9:.2f} ns, azimuth {float(strongest['azimuth']):.1f} degree, "
-            f"path gain {float(strongest['path_gain']):.1f} dB",
-        ),
-        (
-            "health",
-            f"{root.attrs['missing_directions']} directions missing, "
-            f"{root.attrs['problem_directions']} with zero or clipped samples",
-        ),
-        *(
-            (name.removesuffix("s"), line)
-            for name in ("failures", "notes")
-            for line in json.loads(root.attrs.get(name, "[]"))
-        ),
-        ("made by", f"{root.attrs['source']}, {root.attrs['processing_options']}"),
-    ]
+def line_of_sight(los: int) -> str:
+    """Write 1, 0 or -1 as yes, no or not known."""
+    return {1: "yes", 0: "no"}.get(los, "not known")
 
 
-def describe_sounder(sounder: Sounder) -> Lines:
-    """Name, carrier and waveform of a sounder."""
-    waveform = sounder.waveform
-    return [
-        ("sounder", f"{sounder.name}, {sounder.carrier.frequency / 1e9:g} GHz"),
-        (
-            "waveform",
-            f"order {waveform.order}, {waveform.samples} samples at {waveform.sample_rate / 1e9:g} GS/s, "
-            f"{waveform.period * 1e9:.2f} ns",
-        ),
-    ]
-
-
-def _metres(position: np.ndarray) -> str:
-    return ", ".join(f"{value:z.2f}" for value in position) + " m"
+def metres(position: ArrayLike) -> str:
+    """Write a position (3,) [m]."""
+    return ", ".join(f"{value:z.2f}" for value in np.asarray(position)) + " m"

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
+from erm.common.storage import open_hdf5
 from sounder.recordings.layout import Reference
-from sounder.recordings.native import opened
 
 CHUNK_CACHE = 64 * 2**20
 """Decompressed chunks that HDF5 keeps of each file being read [byte]."""
@@ -136,7 +136,7 @@ def foreign_file(path: Path) -> Iterator[ForeignFile]:
     if path.suffix == ".mat" and path.is_file() and not h5py.is_hdf5(path):
         yield ForeignFile(path, _matlab(path))
     else:
-        with opened(path, "HDF5 as the layout tells, or MATLAB's format in a file named .mat") as file:
+        with open_hdf5(path, "HDF5 as the layout tells, or MATLAB's format in a file named .mat") as file:
             yield ForeignFile(path, file)
 
 

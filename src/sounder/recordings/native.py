@@ -1,8 +1,7 @@
 """The toolkit's own recording file: HDF5, one position a file."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import h5py
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from erm.common.storage import damaged, require_file
+from erm.common.storage import open_hdf5
 from sounder.instrument.description import Sounder
 from sounder.recordings.recording import BackToBack, Captures, Recording, check
 
@@ -20,36 +19,16 @@ BACK_TO_BACK = "sounder-to-map back-to-back"
 
 def kind_of(path: Path) -> str | None:
     """Content of the attribute ``kind``, which tells a native file; None for any other HDF5 file."""
-    with opened(path) as file:
+    with open_hdf5(path) as file:
         kind = file.attrs.get("kind")
         return kind if isinstance(kind, str) else None
-
-
-@contextmanager
-def opened(path: Path, expected: str = "a file of this software") -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading; ``expected`` tells in errors what it should have been.
-
-    Raises
-    ------
-    DataError
-        No such file, or it is not HDF5.
-    """
-    require_file(path)
-    if not h5py.is_hdf5(path):
-        raise DataError(f"{path}: not an HDF5 file; expected {expected}")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise damaged(path, error) from None
-    with file:
-        yield file
 
 
 def what_else(path: Path) -> str | None:
     """Other file of this software that stands where a recording should; None if it is none."""
     if not h5py.is_hdf5(path):
         return None
-    with opened(path) as file:
+    with open_hdf5(path) as file:
         if file.attrs.get("kind") == BACK_TO_BACK:
             return "back-to-back recording"
         return "product of sounder process" if "mpc" in file and "daps" in file else None
@@ -80,7 +59,7 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
     DataError
         The file is not a native recording or does not fit its own description.
     """
-    with opened(path) as file:
+    with open_hdf5(path) as file:
         if file.attrs.get("kind") != RECORDING:
             raise DataError(f"{path}: not a recording of this software; say how it is laid out with --layout FILE")
         _require(file, path, ("iq", "azimuth", "elevation", "tx_position", "rx_position"))
@@ -168,7 +147,7 @@ def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Capture
 
     def read(a: int, e: int, snapshots: slice) -> Captures:
         try:
-            with opened(path) as again:
+            with open_hdf5(path) as again:
                 captures: Captures = again["iq"][a, e, snapshots]
                 return captures
         except OSError as error:
@@ -185,7 +164,7 @@ def back_to_back(path: Path) -> BackToBack:
     DataError
         The file is missing or is not a back-to-back recording.
     """
-    with opened(path, "a back-to-back recording") as file:
+    with open_hdf5(path, "a back-to-back recording") as file:
         if file.attrs.get("kind") != BACK_TO_BACK:
             raise DataError(
                 f"{path}: not a back-to-back recording; make one with the attenuator in the antennas' place"

@@ -12,6 +12,10 @@ from sounder.instrument.description import Sounder
 
 Captures = NDArray[np.int16] | NDArray[np.complex64]
 
+CLIPPED_SHARE = 1e-3
+"""Share of the numbers at the ends of the converter's range above which captures count as clipped. Chosen; not derived.
+"""
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -110,6 +114,20 @@ class BackToBack:
     s21: tuple[NDArray[np.float64], NDArray[np.complex128]] | None
     includes_tx_antenna: bool
     title: str = "Back-to-back captures"
+
+
+def clipped_share(captures: Captures) -> float:
+    """Share of the numbers of int16 captures at the ends of the converter's range; 0 for complex captures.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> clipped_share(np.array([[[0, 32767], [-32768, 5]]], np.int16))
+    0.5
+    """
+    if captures.dtype != np.int16:
+        return 0.0
+    return np.count_nonzero((captures == -(2**15)) | (captures == 2**15 - 1)) / captures.size
 
 
 def check(recording: Recording, samples: int) -> None:

@@ -10,7 +10,7 @@ from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import load_sounder
 from sounder.instrument.touchstone import read_s21
 from sounder.instrument.waveform import identify
-from sounder.processing.summary import describe_back_to_back
+from sounder.processing.recording_summary import describe_back_to_back
 from sounder.recordings import native
 from sounder.twin.receiver import back_to_back
 

@@ -1,7 +1,12 @@
 """`sounder info`: what a file holds, and its health."""
 
+import shutil
+import subprocess
+import sys
+
 import h5py
 import numpy as np
+import pytest
 from scipy.constants import c
 
 from .commands import facts, group, run
@@ -35,6 +40,31 @@ def test_info_tells_of_back_to_back_and_product(campaign, products, capsys):
     assert told["kind"] == "product of sounder process"
     assert int(told["MPCs"]) == group(products / "RX2.h5", "/mpc").sizes["mpc"]
     assert "0 directions missing" in told["health"]
+
+
+@pytest.mark.parametrize("file", ["products/RX1.h5", "raw/RX1.h5"])
+def test_info_imports_nothing_that_computes(campaign, products, file):
+    heavy = ("numba", "scipy", "matplotlib", "dask", "xarray")
+    program = (
+        "import sys\n"
+        "from sounder import cli\n"
+        f"sys.argv = ['sounder', 'info', {str(campaign / file)!r}]\n"
+        "try:\n    cli.main()\n"
+        "except SystemExit as stop:\n    assert not stop.code\n"
+        f"print([m for m in {heavy} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_info_names_what_a_broken_product_lacks(products, tmp_path, capsys):
+    shutil.copy(products / "RX1.h5", tmp_path / "broken.h5")
+    with h5py.File(tmp_path / "broken.h5", "r+") as file:
+        del file.attrs["los"]
+    assert run("info", tmp_path / "broken.h5") == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"{tmp_path / 'broken.h5'}: ")
+    assert "'los'" in line
 
 
 def test_info_tells_of_other_files_of_this_software(campaign, capsys):

@@ -8,7 +8,8 @@ import xarray as xr
 
 from erm.common.errors import DataError
 from erm.common.storage import write_product
-from sounder.processing.summary import describe_back_to_back, describe_file, describe_recording
+from sounder.processing.recording_summary import describe_back_to_back, describe_recording
+from sounder.processing.summary import describe_file
 from sounder.recordings.writer import write_recording
 from sounder.twin import receiver
 from sounder.twin.faults import DCOffset, Faults
@@ -54,7 +55,7 @@ def test_health_counts_directions(sounder):
     clipped = recording(sounder, gain=-30.0)  # 12 dB over full scale
     assert dict(describe_recording(clipped))["health"] == "no direction missing, none zero, 2 clipped"
     missing = replace(made, valid=np.array([[False], [True]]))
-    assert dict(describe_recording(missing))["health"].startswith("1 directions missing")
+    assert dict(describe_recording(missing))["health"].startswith("1 direction missing")
     nothing = replace(made, read=lambda a, e, s: made.captures(a, e, s) * np.int16(0))
     assert dict(describe_recording(nothing))["received power"] == "none"
 
