@@ -120,7 +120,7 @@ def _product(file: h5py.File) -> Lines:
             lines += [(name.removesuffix("s"), line) for line in json.loads(attributes.get(name, "[]"))]
         lines.append(("made by", f"{attributes['source']}, {attributes['processing_options']}"))
     except KeyError as error:
-        raise DataError(f"{path}: {error.args[0]}; expected a whole product; process the recording again") from None
+        raise DataError(f"{path}: the product is incomplete ({error}); process the recording again") from None
     return lines
 
 
