@@ -192,8 +192,8 @@ def coloured(
         (["--count", "2.5"], ["--count", "2.5"]),
         (["--colour", "blue"], ["--colour", "'blue'", "'red', 'green'"]),
         (["--place", "3"], ["--place", "requires 2"]),
-        (["--place", "3,4", "--size", "-6"], ["No such option: -6", "parted by spaces"]),
-        (["--place", "1", "2", "-3"], ["No such option: -3", "parted by spaces"]),
+        (["--place", "3,4", "--size", "-6"], ["No such option: -6", "separate the numbers"]),
+        (["--place", "1", "2", "-3"], ["No such option: -3", "separate the numbers"]),
         (["--colours", "red"], ["No such option", "--colour"]),
     ],
 )
