@@ -1,40 +1,36 @@
-"""The command ``erm evaluate``: a map judged by a known outline, or by what it predicts."""
+"""The command ``erm evaluate``: a map against a known outline, or predictions against measurements."""
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from erm.cli.arguments import FIGURES, MapFile, three_digits
 from erm.common import console
 from erm.common.outputs import protect_inputs, require_suffix
 
-if TYPE_CHECKING:
-    from erm.geometry.vertical import FloatArray
-    from erm.maps.environment import Environment
-
-HELD = {
+LEFT_OUT = {
     "positions": "positions left out",
-    "components": "their strongest components",
+    "components": "their strongest MPCs",
     "right": "share of these that are predicted",
     "positions_right": "share of positions with all of these predicted",
-    "positions_located": "the same, by delay and azimuth alone",
-    "positions_reported": "the same, by the gains that the table reports, whatever the elevation",
-    "positions_compatible": "the same, gains within what the measurement is sure of",
-    "delay": "of those predicted: median error of delay [s]",
-    "azimuth": "median error of azimuth [degree]",
-    "gain": "median error of gain [dB]",
+    "positions_located": "the same by delay and azimuth alone",
+    "positions_reported": "the same with the gains of the table, at any elevation",
+    "positions_compatible": "the same with gains within the errors of the measurement",
+    "delay": "median delay error of the predicted MPCs [s]",
+    "azimuth": "median azimuth error [degree]",
+    "gain": "median gain error [dB]",
 }
-SUMMARY = ("count", "min", "max", "mean", "median", "std", "rmse")
+STATISTICS = ("count", "min", "max", "mean", "median", "std", "rmse")
 
 
 def evaluate(
-    environment: Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)],
+    environment: MapFile,
     mpcs: Annotated[
         list[Path] | None,
-        typer.Argument(readable=False, help="MPCs whose reflection points are judged too.", show_default=False),
+        typer.Argument(readable=False, help="MPCs whose reflection points are evaluated too.", show_default=False),
     ] = None,
     outline: Annotated[
         Path | None, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)
@@ -43,115 +39,101 @@ def evaluate(
         bool,
         typer.Option(
             "--leave-one-out",
-            help="Predict each position of the MPCs from a map made of the others, by the defaults.",
+            help="Predict each position from a map of all other positions, made with default options.",
         ),
     ] = False,
     z_slice: Annotated[
-        float | None, typer.Option(help="Keep outline features with this z_slice_m; default the lowest.")
+        float | None, typer.Option(help="Use outline features with this z_slice_m. Default: the lowest.")
     ] = None,
     min_visible: Annotated[
         float,
-        typer.Option(min=0.0, max=1.0, help="Keep outline features with more than this share visible from a receiver."),
+        typer.Option(min=0.0, max=1.0, help="Use outline features of which receivers see more than this share."),
     ] = 0.0,
     figure: Annotated[
         Path | None, typer.Option(help="Also draw the map over the outline (.png, .pdf, .svg).", show_default=False)
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Judge a map by a known outline, or by what it predicts."""
+    """Evaluate a map with a known outline, or by what it predicts."""
     if leave_one_out == (outline is not None):
-        raise typer.BadParameter("say what to judge by: either --outline FILE or --leave-one-out")
+        raise typer.BadParameter("give one of --outline FILE and --leave-one-out")
     if leave_one_out and not mpcs:
         raise typer.BadParameter("--leave-one-out needs the MPCs that the map was made from")
     if leave_one_out and figure:
         raise typer.BadParameter("--figure draws the map over an outline; give --outline FILE")
-    require_suffix(figure, ".png", ".pdf", ".svg")
+    require_suffix(figure, *FIGURES)
     protect_inputs((figure,), [environment, *(mpcs or []), *([outline] if outline else [])])
     from erm.maps.formats import read_map
-    from erm.maps.outline import known_faces
 
     found = read_map(environment)
     if outline is None:
-        _by_prediction(mpcs or [], as_json)
+        problems = _by_prediction(mpcs or [], as_json)
     else:
-        truth = known_faces(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
-        _by_outline(found, truth, mpcs or [], figure, as_json)
+        from erm.maps.outline import known_faces
+
+        faces = known_faces(outline, z_slice=z_slice, min_visible=min_visible, georeference=found.georeference)
+        problems = _by_outline(found, faces, mpcs or [], figure, as_json)
+    console.report_failures(problems)
 
 
-def _by_prediction(mpcs: list[Path], as_json: bool) -> None:
-    """Leave one position out after the other."""
+def _by_prediction(mpcs: list[Path], as_json: bool) -> list[str]:
     from erm.evaluation.leave_one_out import leave_one_out, score
     from erm.evaluation.outline import rounded
     from erm.mpcs.files import read_mpcs
 
-    table, complaints = read_mpcs(mpcs)
-    held = score(leave_one_out(table))
+    table, problems = read_mpcs(mpcs)
+    result = score(leave_one_out(table))
     if as_json:
-        print(json.dumps(rounded(held, digits=14), indent=2))
+        print(json.dumps(rounded(result, digits=14), indent=2))
     else:
-        console.show(["leave one out", "result"], ([HELD[name], f"{value:.3g}"] for name, value in held.items()))
-    console.report_failures(complaints)
+        console.show(["leave one out", "result"], ([LEFT_OUT[name], f"{value:.3g}"] for name, value in result.items()))
+    return problems
 
 
-def _by_outline(
-    found: "Environment", truth: "FloatArray", mpcs: list[Path], figure: Path | None, as_json: bool
-) -> None:
-    """Hold walls, and the reflection points of MPCs, against known faces."""
-    from erm.evaluation.completeness import completeness, receivers_of
-    from erm.evaluation.outline import evaluate_mpcs, evaluate_walls, rounded
+def _by_outline(found: Any, faces: Any, mpcs: list[Path], figure: Path | None, as_json: bool) -> list[str]:
+    from erm.evaluation.evaluate_map import evaluate_map
+    from erm.evaluation.outline import rounded
     from erm.mpcs.files import read_mpcs
     from erm.mpcs.selection import select
     from erm.reconstruction.reconstruct import reconstruct
 
-    result: dict[str, Any] = {"walls": evaluate_walls(found, truth)}
-    complaints: list[str] = []
-    located = None
-    if mpcs:
-        table, complaints = read_mpcs(mpcs)
-        environment, located = reconstruct(select(table))
-        result["points"] = evaluate_mpcs(located, environment, truth)
-        seen = completeness(found, truth, receivers_of(table))
-        result["visible"] = [row._asdict() for row in seen]
+    table, problems = read_mpcs(mpcs)
+    reconstructed = reconstruct(select(table)) if mpcs else None
+    result = evaluate_map(found, faces, reconstructed)
     if figure:
         from erm.figures import plot_map
 
-        console.save_figure(plot_map(found, table=located, outline=truth), figure)
+        console.save_figure(plot_map(found, table=reconstructed and reconstructed[1], outline=faces), figure)
     if as_json:
         print(json.dumps(rounded(result), indent=2))
     else:
-        _print(result, len(truth))
-    console.report_failures(complaints)
+        _print(result, len(faces))
+    return problems
 
 
 def _print(result: Mapping[str, Any], faces: int) -> None:
     walls = result["walls"]
     print(
         f"{console.counted(walls['walls'], 'wall')}, {walls['false']} false; "
-        f"on {walls['found']} of {console.counted(faces, 'face')} of the outline, seen by a receiver or not"
+        f"{walls['found']} of {console.counted(faces, 'face')} of the outline found, receivers see them or not"
     )
     shares = {
-        "the length on the map is on a face": walls["correctness"],
-        "the outline has a wall": walls["completeness"],
+        "of the length of the walls lies on a face": walls["correctness"],
+        "of the outline has a wall": walls["completeness"],
     }
-    print("; ".join(f"{_digits(100 * share) or '-'} % of {what}" for what, share in shares.items()))
+    print("; ".join(f"{three_digits(100 * share) or '-'} % {what}" for what, share in shares.items()))
     errors = {"walls: offset [m]": walls["offset_error"], "walls: angle [degree]": walls["angle_error"]}
-    for kind, summaries in result.get("points", {}).items():
-        errors |= {f"points, {kind}: {name} [m]": summary for name, summary in summaries.items()}
+    for kind, statistics in result.get("points", {}).items():
+        errors |= {f"points, {kind}: {name} [m]": row for name, row in statistics.items()}
     errors = {label: row for label, row in errors.items() if row["count"]}
     if errors:
-        console.show(
-            ["error", *SUMMARY], ([label, *(_digits(row[name]) for name in SUMMARY)] for label, row in errors.items())
-        )
+        rows = ([label, *(three_digits(row[name]) for name in STATISTICS)] for label, row in errors.items())
+        console.show(["error", *STATISTICS], rows)
     if "visible" in result:
         console.show(
             ["seen by receivers", "outline [m]", "with a wall [%]"],
             (
-                [f"{row['receivers']} or more", f"{row['length']:.0f}", _digits(100 * row["share"])]
+                [f"{row.receivers} or more", f"{row.length:.0f}", three_digits(100 * row.share)]
                 for row in result["visible"]
             ),
         )
-
-
-def _digits(value: float) -> str:
-    """Return a count as it is, an error to three significant digits, nothing for NaN."""
-    return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.3g}"

@@ -1,10 +1,11 @@
-"""The command ``erm export``: any map to any format, and to its place on earth."""
+"""The command ``erm export``: a map in another format, and its place on earth."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from erm.cli.arguments import MapFile
 from erm.common.console import counted
 from erm.common.errors import DataError, OptionError
 from erm.common.outputs import protect_inputs
@@ -12,7 +13,7 @@ from erm.maps.formats import FREQUENCY, HEIGHT, MARGIN
 
 
 def export(
-    environment: Annotated[Path, typer.Argument(help="Map: .h5, .geojson, .gpkg or .csv.", show_default=False)],
+    environment: MapFile,
     out: Annotated[
         Path,
         typer.Option(help="Map (.h5, .geojson, .gpkg, .csv) or drawing (.dxf, .ply, .obj, .xml).", show_default=False),
@@ -21,25 +22,25 @@ def export(
         tuple[float, float] | None,
         typer.Option(help="Latitude and longitude of the local origin, WGS 84 [degree].", show_default=False),
     ] = None,
-    origin_height: Annotated[float, typer.Option(help="Its height above the ellipsoid [m].")] = 0.0,
+    origin_height: Annotated[float, typer.Option(help="Height of the origin above the ellipsoid [m].")] = 0.0,
     heading: Annotated[
         float, typer.Option(help="Bearing of the local north, clockwise from true north [degree].")
     ] = 0.0,
     height: Annotated[
-        float, typer.Option(min=0.0, help="Drawings: walls without end are cut so high above the ground [m].")
+        float, typer.Option(min=0.0, help="Drawings: height above the ground of walls without upper edge [m].")
     ] = HEIGHT,
     margin: Annotated[
-        float, typer.Option(min=0.0, help="Drawings: reach of ground and ceiling beyond the walls [m].")
+        float, typer.Option(min=0.0, help="Drawings: how far ground and ceiling extend beyond the walls [m].")
     ] = MARGIN,
     frequency: Annotated[
         float,
-        typer.Option(min=1e6, max=1e13, help=".xml: where materials unknown to the ray tracer are evaluated [Hz]."),
+        typer.Option(min=1e6, max=1e13, help=".xml: frequency for materials that the ray tracer does not know [Hz]."),
     ] = FREQUENCY,
 ) -> None:
-    """Write a map in another format, or give it its place on earth.
+    """Write a map in another format, or give it a place on earth.
 
-    GeoJSON of a map with an origin is in WGS 84. The origin is kept by all formats of maps. The .xml is a
-    scene for Sionna RT (Mitsuba 3).
+    A map with an origin is written as GeoJSON in WGS 84. All map formats keep the origin. The .xml is a scene for
+    Sionna RT (Mitsuba 3).
     """
     from dataclasses import replace
 
@@ -59,5 +60,5 @@ def export(
         place = replace(place, georeference=georeference)
     write_map(place, out, height=height, margin=margin, frequency=frequency)
     kinds = place.reflectors["kind"].values.tolist()
-    meshes = f"; its meshes are {out.stem}-*.ply beside it" if out.suffix.lower() == ".xml" else ""
+    meshes = f"; meshes: {out.stem}-*.ply" if out.suffix.lower() == ".xml" else ""
     print(f"{out}: {counted(kinds.count('wall'), 'wall')} and {counted(kinds.count('pole'), 'pole')}{meshes}")

@@ -226,11 +226,15 @@ def face_hits(points: npt.ArrayLike, outline: FloatArray, tolerance: float = 0.0
 
 
 def rounded(result: Mapping[str, Any], digits: int = 4) -> dict[str, Any]:
-    """Round every number of a nested result, and say None for NaN, as JSON has none."""
+    """Round the numbers of a nested result for JSON; NaN becomes None, named tuples become dictionaries."""
 
     def plain(value: Any) -> Any:
+        if hasattr(value, "_asdict"):
+            value = value._asdict()
         if isinstance(value, Mapping):
             return {key: plain(entry) for key, entry in value.items()}
+        if isinstance(value, list):
+            return [plain(entry) for entry in value]
         if isinstance(value, float):
             return round(value, digits) if np.isfinite(value) else None
         return value

@@ -4,7 +4,7 @@ Every component keeps its row; it gains its face and the reason for which it was
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,13 +16,13 @@ from erm.geometry.sloped import sloped_covariance, sloped_face
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs import elevation, standard_errors
 from erm.mpcs.clusters import clusters
+from erm.mpcs.options import Threshold
 from erm.mpcs.reasons import Reason
 from erm.mpcs.table import free_space_gain, path_length
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Threshold = Literal["consistency", "fixed", "letter"]
 BoolArray = npt.NDArray[np.bool_]
 
 CONSISTENT_LOSS = 20.0  # dB; see `select`

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_
 
 from erm.common.errors import DataError
 from erm.maps.georeference import Georeference
-from erm.mpcs.selection import Threshold as Selection
+from erm.mpcs.options import Threshold as Selection
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options, Threshold
 from sounder.processing.jobs import Job, gather
 from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, describe, read_toml

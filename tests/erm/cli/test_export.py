@@ -26,7 +26,7 @@ def export(*arguments):
     return CliRunner().invoke(app, ["export", *map(str, arguments)])
 
 
-MESHES = {".xml": "; its meshes are map-*.ply beside it"}
+MESHES = {".xml": "; meshes: map-*.ply"}
 
 
 @pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".csv", ".ply", ".obj", ".xml"])

@@ -25,7 +25,7 @@ def test_positions_are_added_to_a_map_file(tmp_path: Path, mpcs: Path, capsys):
     assert (
         run("reconstruct", tmp_path / "second.csv", "--add-to", tmp_path / "map.h5", "--out", tmp_path / "all.h5") == 0
     )
-    assert "1 wall and 0 poles from 6 of 6 components" in capsys.readouterr().out
+    assert "1 wall and 0 poles from 6 of 6 MPCs" in capsys.readouterr().out
     assert (
         run("reconstruct", tmp_path / "second.csv", "--add-to", tmp_path / "map.h5", "--out", tmp_path / "map.h5") == 2
     )
@@ -36,7 +36,7 @@ def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys
     out, rps, figure = tmp_path / "map.geojson", tmp_path / "rps.csv", tmp_path / "map.png"
     assert run("reconstruct", mpcs, "--out", out, "--rps", rps, "--figure", figure) == 0
     printed = capsys.readouterr()
-    assert "1 wall and 0 poles from 6 of 6 components" in printed.out
+    assert "1 wall and 0 poles from 6 of 6 MPCs" in printed.out
     assert printed.err == ""
     wall = read_map(out).reflectors.isel(reflector=0)
     assert wall["offset"].item() == pytest.approx(-9, abs=1e-3)
@@ -92,7 +92,7 @@ def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path,
     assert result["visible"][0]["length"] == pytest.approx(120)  # every receiver sees the one wall
     assert 0 < result["visible"][0]["share"] < 0.5  # of which only the middle reflected
     assert run("evaluate", out, "--outline", outline) == 0
-    assert "1 wall, 0 false; on 1 of 1 face of the outline" in capsys.readouterr().out
+    assert "1 wall, 0 false; 1 of 1 face of the outline found" in capsys.readouterr().out
 
 
 def test_a_map_is_drawn_over_the_outline_that_judges_it(tmp_path: Path, mpcs: Path, capsys):
@@ -112,8 +112,8 @@ def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
     write_map(Environment.walls([[[-60, 0.00312], [60, 0.00312]], [[-60, 20], [60, 20]]]), tmp_path / "outline.geojson")
     assert run("evaluate", tmp_path / "map.h5", "--outline", tmp_path / "outline.geojson") == 0
     walls, shares, header, offset, _ = capsys.readouterr().out.splitlines()
-    assert walls == "1 wall, 0 false; on 1 of 2 faces of the outline, seen by a receiver or not"
-    assert shares == "100 % of the length on the map is on a face; 50 % of the outline has a wall"
+    assert walls == "1 wall, 0 false; 1 of 2 faces of the outline found, receivers see them or not"
+    assert shares == "100 % of the length of the walls lies on a face; 50 % of the outline has a wall"
     told = dict(zip(header.split("\t"), offset.split("\t"), strict=True))
     assert (told["error"], told["count"], told["rmse"]) == ("walls: offset [m]", "1", "0.00312")
 
@@ -121,7 +121,7 @@ def test_errors_of_millimetres_are_told(tmp_path: Path, capsys):
 def test_no_path_is_said(tmp_path: Path, capsys):
     write_map(Environment.walls([[[-9, 5], [9, 5]]]), tmp_path / "map.h5")
     assert run("predict", tmp_path / "map.h5", "--tx", 0, 0, 9, "--rx", 0, 9, 2) == 0
-    assert capsys.readouterr().err == "no path of at most 2 reflections from TX to RX\n"
+    assert capsys.readouterr().err == "no path with at most 2 reflections from TX to RX\n"
 
 
 def test_no_components_are_an_empty_map(tmp_path: Path, mpcs: Path):

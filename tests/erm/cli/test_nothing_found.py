@@ -61,8 +61,10 @@ def test_what_tells_of_no_wall_is_a_legal_map_and_a_reason(tmp_path: Path, capsy
     assert run("reconstruct", tmp_path / "mpcs.csv", "--out", out) == 0
     printed = capsys.readouterr()
     assert printed.err == ""
-    said = [line for line in printed.out.splitlines() if not line.startswith(("reflector\t", "typical errors"))]
-    assert said == [f"{out}: 0 walls and 0 poles from 0 of {mpcs.sizes['mpc']} components", *reasons]
+    said = [
+        line for line in printed.out.splitlines() if not line.startswith(("reflector\t", "typical standard errors"))
+    ]
+    assert said == [f"{out}: 0 walls and 0 poles from 0 of {mpcs.sizes['mpc']} MPCs", *reasons]
     assert read_map(out).reflectors.sizes["reflector"] == 0
 
 
@@ -73,4 +75,4 @@ def test_positions_on_a_line_are_a_wall_and_what_is_left_out_is_told(tmp_path: P
         write_mpcs(part, tmp_path / f"{number}.csv")
     assert run("reconstruct", tmp_path / "0.csv", tmp_path / "1.csv", "--out", tmp_path / "map.csv") == 0
     printed = capsys.readouterr().out
-    assert "1 wall and 0 poles from 6 of 12 components\nleft out: direct path (6)\n" in printed
+    assert "1 wall and 0 poles from 6 of 12 MPCs\nleft out: direct path (6)\n" in printed

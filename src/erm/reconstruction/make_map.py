@@ -1,0 +1,82 @@
+"""From an MPC table to a map with its provenance: what ``erm reconstruct`` and ``sounder run`` do in between."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from erm.common.storage import provenance
+from erm.maps.environment import Environment
+from erm.mpcs.options import Threshold
+from erm.mpcs.selection import select
+from erm.reconstruction.model.paths import IntArray
+from erm.reconstruction.reconstruct import reconstruct
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def make_map(
+    table: "xr.Dataset",
+    *,
+    history: str,
+    inputs: Iterable[Path] = (),
+    start: IntArray | None = None,
+    threshold: Threshold = "consistency",
+    max_reflection_loss: float | None = None,
+    min_support: int = 3,
+    ground_height: float = 0.0,
+    rx_std: float = 0.0,
+) -> tuple[Environment, "xr.Dataset"]:
+    """Select single reflections, reconstruct the map, and store its provenance in it.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table (`erm.make_table`).
+    history : str
+        The command or function that makes the map. It is stored in the map.
+    inputs : iterable of path
+        Files that the table was read from. Their SHA-256 is stored in the map.
+    start : array (mpc,) of int, optional
+        Common images of an earlier map; see `erm.reconstruct`.
+    threshold, max_reflection_loss, ground_height, rx_std
+        Options of `erm.select`.
+    min_support : int
+        Fewest antenna pairs that must share a wall.
+
+    Returns
+    -------
+    environment : Environment
+        The map; its attributes tell inputs and options.
+    located : xarray.Dataset
+        The table of `erm.reconstruct`.
+
+    Examples
+    --------
+    >>> import erm
+    >>> from erm.reconstruction.make_map import make_map
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+    >>> links = [erm.predict(street, (0, 0, 9), (x, -4, 2), 132e9) for x in (10, 14, 18, 22)]
+    >>> import xarray as xr
+    >>> environment, located = make_map(xr.concat(links, dim="mpc"), history="example")
+    >>> environment.reflectors.sizes["reflector"], environment.reflectors.attrs["history"]
+    (1, 'example')
+    """
+    selected = select(
+        table,
+        threshold=threshold,
+        max_reflection_loss=max_reflection_loss,
+        ground_height=ground_height,
+        rx_std=rx_std,
+    )
+    environment, located = reconstruct(selected, min_support=min_support, start=start)
+    options = {
+        "threshold": threshold,
+        "max_reflection_loss": max_reflection_loss,
+        "min_support": min_support,
+        "ground_height": ground_height,
+        "rx_std": rx_std,
+    }
+    origin = provenance("Reconstructed environment", history, inputs=inputs, options=options)
+    environment.reflectors.attrs.update(origin)
+    return environment, located
