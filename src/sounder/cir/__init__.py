@@ -1,1 +1,1 @@
-"""From captures to impulse responses: calibration, averaging, matched filter, and the power spectrum."""
+"""From captures to channel impulse responses (CIR) and the delay-angular power spectrum (DAPS)."""

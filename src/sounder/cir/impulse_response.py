@@ -18,25 +18,62 @@ from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.options import Averaging
 from sounder.recordings.recording import CLIPPED_SHARE, BackToBack, Captures, Recording, clipped_share
 
+BLOCK_BYTES = 2**20
+"""Size of the blocks in which captures are read. They fit the second-level cache of a processor."""
+
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong with one direction, what was or is to be done about it, and the share of its samples."""
+    """What is wrong with the captures of one direction.
+
+    Attributes
+    ----------
+    azimuth, elevation : float
+        Direction [degree].
+    what : str
+        What was found.
+    action : str
+        What was done about it, or is to be done.
+    share : float
+        Share of the samples that are affected [1].
+    """
 
     azimuth: float
     elevation: float
     what: str
-    then: str
+    action: str
     share: float = 1.0
 
 
 def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
-    """Make the de-embedding filter of a recording from its back-to-back captures.
+    """Make the de-embedding filter for a recording from a back-to-back recording.
+
+    Parameters
+    ----------
+    b2b : BackToBack
+        Recorded by the same sounder, with an attenuator in place of the antennas.
+    recording : Recording
+        Recordings of the same description and scale factor can share the filter.
+
+    Returns
+    -------
+    Deembedding
+        For :func:`impulse_responses`.
 
     Raises
     ------
     DataError
-        The two do not belong together; see :func:`sounder.cir.deembedding.make_deembedding`.
+        The captures are clipped, empty or not finite, or are not of the recording's sounder.
+
+    Examples
+    --------
+    >>> import sounder
+    >>> from sounder import shipped
+    >>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
+    >>> [job], _ = sounder.gather(recordings, calibration=b2b)
+    >>> deembedding = sounder.calibrate(job.b2b, job.recording)
+    >>> float(abs(deembedding.pulse[0]).round(6))  # a path of amplitude 1 has a peak of 1
+    1.0
     """
     waveform = recording.sounder.waveform
     captures = b2b.captures
@@ -53,46 +90,58 @@ def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
 
 def impulse_responses(
     recording: Recording,
-    filter_: Deembedding,
+    deembedding: Deembedding,
     *,
     averaging: Averaging = "coherent",
     threads: int | None = None,
     progress: Callable[[], None] | None = None,
 ) -> tuple[xr.Dataset, list[Problem]]:
-    """Correlate, average and de-embed every direction of a recording.
+    """Correlate, average and de-embed the captures of every direction.
 
-    Captures are read in blocks of about :data:`BLOCK` bytes, so that memory does not grow with the recording. A
-    direction is averaged by one thread from its first snapshot to its last: the result does not depend on the number
-    of threads, to the last bit.
+    Captures are read in blocks of about :data:`BLOCK_BYTES`, so that memory does not grow with the recording. One
+    thread averages a direction from its first snapshot to its last, so that the result does not depend on the number of
+    threads, to the last bit.
 
     Parameters
     ----------
     recording : Recording
-    filter_ : Deembedding
+    deembedding : Deembedding
         From :func:`calibrate`.
     averaging : {"coherent", "phase-aligned", "power"}
-        Over the snapshots of a direction: the mean; the mean after each snapshot's common phase is turned to the
-        others' (for a drifting oscillator); or the root of the mean power with the phase of the coherent mean (for a
-        channel that moves between snapshots).
+        Over the snapshots of a direction. ``coherent``: the complex mean. ``phase-aligned``: the complex mean after the
+        common phase of each snapshot is removed, for an oscillator that drifts. ``power``: the root of the mean power,
+        with the phase of the complex mean, for a channel that changes between snapshots.
     threads : int, optional
-        Directions worked on at a time; default one a processor.
+        Number of directions processed at a time; default one a processor.
     progress : callable, optional
         Called after each direction.
 
     Returns
     -------
     dataset : xarray.Dataset
-        ``cir`` (azimuth, elevation, delay), complex amplitude gain including the receive antenna, NaN where nothing
-        was recorded; ``delay`` is the propagation delay [s], modulo the sequence's period. With coherent averaging
-        also ``coherence`` (azimuth, elevation): the power that averaging kept at the strongest delay, over the mean
-        power there; 1 for a stable phase, one over the number of snapshots for a random one.
+        ``cir`` (azimuth, elevation, delay): complex amplitude gain including the receive antenna, NaN where nothing
+        was recorded. ``delay`` is the propagation delay [s], modulo the period of the sequence. Coherent averaging adds
+        ``coherence`` (azimuth, elevation): power of the mean over mean power, at the strongest delay; 1 for a stable
+        phase, one over the number of snapshots for a random phase.
     problems : list of Problem
-        Directions with all samples zero (left out) or clipped (used).
+        Directions whose samples are all zero or not finite (left out) or clipped (used).
 
     Raises
     ------
     DataError
         No direction holds a signal.
+
+    Examples
+    --------
+    >>> import sounder
+    >>> from sounder import shipped
+    >>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
+    >>> [job], _ = sounder.gather(recordings, calibration=b2b)
+    >>> deembedding = sounder.calibrate(job.b2b, job.recording)
+    >>> cir, problems = sounder.impulse_responses(job.recording, deembedding)
+    >>> strongest = abs(cir["cir"]).sel(azimuth=10, elevation=0)
+    >>> f"{float(strongest.idxmax()) * 1e9:.1f} ns"  # the direct path takes 101.6 ns, the samples are 0.83 ns apart
+    '101.7 ns'
     """
     waveform = recording.sounder.waveform
     correlator = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip)
@@ -101,13 +150,13 @@ def impulse_responses(
     coherence = np.full(shape, np.nan)
     problems: list[Problem] = []
 
-    def work(place: NDArray[np.intp]) -> Direction:
+    def average(place: NDArray[np.intp]) -> DirectionAverage:
         blocks = _Blocks(recording, int(place[1]), int(place[0]))
-        return AVERAGES[averaging](blocks, correlator, filter_)
+        return AVERAGING[averaging](blocks, correlator, deembedding)
 
     with ThreadPoolExecutor(threads or processors()) as pool:
         places = np.argwhere(recording.valid.T)
-        for (e, a), direction in zip(places, pool.map(work, places), strict=True):
+        for (e, a), direction in zip(places, pool.map(average, places), strict=True):
             if direction.problem:
                 azimuth, elevation = float(recording.azimuth[a]), float(recording.elevation[e])
                 problems.append(Problem(azimuth, elevation, *direction.problem))
@@ -116,9 +165,9 @@ def impulse_responses(
                 coherence[a, e] = direction.coherence
             if progress is not None:
                 progress()
-    if averaging != "power":  # de-embedding is linear, so that it may follow the average
+    if averaging != "power":  # de-embedding is linear, so it may follow the mean
         for a in range(len(cir)):
-            cir[a] = filter_.apply(cir[a])
+            cir[a] = deembedding.apply(cir[a])
     if np.isnan(cir).all():
         what = problems[0].what if problems else "no direction was recorded"
         raise DataError(f"{recording.source}: {recording.name}: {what}, in all directions; record the position again")
@@ -127,7 +176,7 @@ def impulse_responses(
             "cir": (
                 ("azimuth", "elevation", "delay"),
                 cir,
-                {"units": "1", "long_name": "channel impulse response, receive antenna included"},
+                {"units": "1", "long_name": "channel impulse response, including the receive antenna"},
             )
         },
         coords={
@@ -142,19 +191,20 @@ def impulse_responses(
     return dataset, problems
 
 
-BLOCK = 2**20
-"""Samples read at a time, in bytes: they stay in the processor's second-level cache."""
-ZERO = ("all samples are zero", "left out", 1.0)
+ALL_ZERO = ("all samples are zero", "left out", 1.0)
 NOT_FINITE = ("samples are NaN or infinite", "left out", 1.0)
-RAILS = ("samples are clipped", "lower the receiver gain")
+CLIPPED = ("samples are clipped", "lower the receiver gain")
 AZIMUTH = {"units": "degree", "long_name": "horn azimuth, counter-clockwise from east"}
 ELEVATION = {"units": "degree", "long_name": "horn elevation above the horizon"}
 DELAY = {"units": "s", "long_name": "propagation delay"}
-COHERENCE = {"units": "1", "long_name": "share of the power at the strongest delay kept by coherent averaging"}
+COHERENCE = {"units": "1", "long_name": "share of the power at the strongest delay that coherent averaging keeps"}
 
 
-class Direction(NamedTuple):
-    """Average of one direction, complex (sample,): correlation, or CIR for powers; None if there is no signal."""
+class DirectionAverage(NamedTuple):
+    """Average over the snapshots of one direction.
+
+    ``mean`` (sample,) is the mean correlation, or the CIR if powers are averaged; None if there is no signal.
+    """
 
     mean: NDArray[np.complexfloating] | None
     coherence: float
@@ -162,25 +212,25 @@ class Direction(NamedTuple):
 
 
 class _Blocks:
-    """Captures of one direction in blocks; looks at their health when they first pass."""
+    """Captures of one direction in blocks; their health is checked as they are read."""
 
     def __init__(self, recording: Recording, azimuth: int, elevation: int) -> None:
         self._recording = recording
         self._place = (azimuth, elevation)
         self.snapshots = recording.snapshots
-        self._step = max(BLOCK // (4 * recording.sounder.waveform.samples), 1)
+        self._step = max(BLOCK_BYTES // (4 * recording.sounder.waveform.samples), 1)
         self.signal = False
         self._finite = True
-        self._rails = 0
+        self._clipped = 0
         self._numbers = 0
 
     def __iter__(self) -> Iterator[Captures]:
-        self._rails = self._numbers = 0
+        self._clipped = self._numbers = 0
         for first in range(0, self._recording.snapshots, self._step):
             captures = self._recording.captures(*self._place, slice(first, first + self._step))
             if captures.dtype == np.int16:
-                rails, signal = count_rails(captures)
-                self._rails += rails
+                clipped, signal = count_rails(captures)
+                self._clipped += clipped
                 self._numbers += captures.size
                 self.signal = self.signal or signal
             else:
@@ -190,53 +240,53 @@ class _Blocks:
 
     @property
     def problem(self) -> tuple[str, str, float] | None:
-        """What is wrong with the captures that have passed; the last three fields of :class:`Problem`."""
+        """What is wrong with the captures read so far: the last three fields of :class:`Problem`."""
         if not self._finite:
             return NOT_FINITE
         if not self.signal:
-            return ZERO
-        if self._rails > CLIPPED_SHARE * self._numbers:
-            return (*RAILS, self._rails / self._numbers)
+            return ALL_ZERO
+        if self._clipped > CLIPPED_SHARE * self._numbers:
+            return (*CLIPPED, self._clipped / self._numbers)
         return None
 
 
-def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, _filter: Deembedding) -> Direction:
+def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: Deembedding) -> DirectionAverage:
     sums = correlator.accumulator()
     for captures in blocks:
         sums.add(captures)
     if not blocks.signal:
-        return Direction(None, np.nan, ZERO)
+        return DirectionAverage(None, np.nan, ALL_ZERO)
     mean, power = sums.result()
     strongest = int(np.argmax(power))
     coherence = float(np.abs(mean[strongest]) ** 2 / power[strongest])
-    return Direction(mean, coherence, blocks.problem)
+    return DirectionAverage(mean, coherence, blocks.problem)
 
 
-def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, _filter: Deembedding) -> Direction:
-    """Mean after turning each snapshot to the common phase, by its inner product with the mean so far."""
+def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: Deembedding) -> DirectionAverage:
+    """Mean of the snapshots after the phase of each against the mean so far is removed."""
     first = next(iter(blocks))
     reference = correlator.correlate(first[:1])[0].astype(complex)
-    for _ in range(2):  # the second pass aligns to the mean instead of one noisy snapshot
+    for _ in range(2):  # the second pass aligns to the mean, not to one noisy snapshot
         total = np.zeros_like(reference)
         for captures in blocks:
             each = correlator.correlate(captures).astype(complex)
             total += np.exp(-1j * np.angle(each @ np.conj(reference))) @ each
         reference = total / blocks.snapshots
-    return Direction(reference if blocks.signal else None, np.nan, blocks.problem)
+    return DirectionAverage(reference if blocks.signal else None, np.nan, blocks.problem)
 
 
-def _power(blocks: _Blocks, correlator: MSequenceCorrelator, filter_: Deembedding) -> Direction:
+def _power(blocks: _Blocks, correlator: MSequenceCorrelator, deembedding: Deembedding) -> DirectionAverage:
     total = np.zeros(correlator.samples)
     mean = np.zeros(correlator.samples, complex)
     for captures in blocks:
-        responses = filter_.apply(correlator.correlate(captures))
+        responses = deembedding.apply(correlator.correlate(captures))
         total += np.sum(np.abs(responses) ** 2, axis=0)
         mean += responses.sum(axis=0)
     cir = np.sqrt(total / blocks.snapshots) * np.exp(1j * np.angle(mean))
-    return Direction(cir if blocks.signal else None, np.nan, blocks.problem)
+    return DirectionAverage(cir if blocks.signal else None, np.nan, blocks.problem)
 
 
-AVERAGES: dict[Averaging, Callable[[_Blocks, MSequenceCorrelator, Deembedding], Direction]] = {
+AVERAGING: dict[Averaging, Callable[[_Blocks, MSequenceCorrelator, Deembedding], DirectionAverage]] = {
     "coherent": _coherent,
     "phase-aligned": _phase_aligned,
     "power": _power,

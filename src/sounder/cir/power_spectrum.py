@@ -8,12 +8,13 @@ from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
 from sounder.options import Omnidirectional
 
-QUANTILE = 0.25
-"""Quantile of the power over delay that the noise floor is read from; up to three quarters may hold paths."""
+NOISE_QUANTILE = 0.25
+"""Quantile of the power over delay from which the noise floor is taken; up to three quarters of the delays may hold
+paths. Chosen, not derived."""
 
 
 def noise_power(power: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Mean noise power of every direction, from its quietest delays.
+    """Mean noise power of every direction, estimated from its weakest delays.
 
     The power of complex Gaussian noise is exponential with mean ``m``, and its quantile ``q`` is ``-m ln(1 - q)``.
 
@@ -25,15 +26,21 @@ def noise_power(power: NDArray[np.floating]) -> NDArray[np.floating]:
     Returns
     -------
     array (...)
-        Linear.
+        Linear; NaN where nothing was recorded.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> float(noise_power(rng.exponential(2.0, 100_000)).round(1))
+    2.0
     """
-    place = int(QUANTILE * power.shape[-1])
+    place = int(NOISE_QUANTILE * power.shape[-1])
     quantile: NDArray[np.floating] = np.partition(power, place, axis=-1)[..., place]  # NaN sorts to the end
-    return quantile / -np.log1p(-QUANTILE)
+    return quantile / -np.log1p(-NOISE_QUANTILE)
 
 
 def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional = "sum") -> xr.Dataset:
-    """Build the DAPS of a position.
+    """Compute the DAPS of a position, its noise floor and its profiles.
 
     Parameters
     ----------
@@ -42,44 +49,56 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
     sounder : Sounder
         For the receive antenna's pattern.
     omnidirectional : {"sum", "maximum"}
-        How the omnidirectional PDP is made. ``sum`` adds the power of all beams and divides by the gain that they
-        together have toward a direction of the scan (Sun et al.); ``maximum`` takes the strongest beam in each delay
-        bin and divides by the boresight gain (Hur et al.).
+        How the omnidirectional power delay profile (PDP) is made. ``sum`` adds the power of all beams and divides by
+        the gain that all beams together have toward a direction of the scan (Sun et al.). ``maximum`` takes the
+        strongest beam in each delay bin and divides by the boresight gain (Hur et al.).
 
     Returns
     -------
     xarray.Dataset
-        ``daps`` (azimuth, elevation, delay), path gain including the receive antenna [dB]; ``noise_floor`` (azimuth,
-        elevation) [dB]; ``pdp`` (delay), omnidirectional, antenna removed [dB]; ``pas`` (azimuth, elevation), power
-        over all delays above the noise floor [dB]; ``coherence`` (azimuth, elevation) where the CIRs have it. NaN
-        where nothing was recorded.
+        ``daps`` (azimuth, elevation, delay): path gain including the receive antenna [dB]. ``noise_floor`` (azimuth,
+        elevation): mean noise power [dB]. ``pdp`` (delay): omnidirectional, antenna removed [dB]. ``pas`` (azimuth,
+        elevation): power angular spectrum, the sum over the delays that are 6 dB or more above the noise floor [dB].
+        ``coherence`` (azimuth, elevation), if ``cir`` has it. NaN where nothing was recorded.
 
     References
     ----------
     Sun et al., Synthesizing omnidirectional antenna patterns, received power and path loss from directional antennas
     for 5G millimeter-wave communications, IEEE GLOBECOM 2015. Hur et al., Synchronous channel sounder using
     horn antenna and indoor measurements on 28 GHz, IEEE BlackSeaCom 2014.
+
+    Examples
+    --------
+    >>> import sounder
+    >>> from sounder import shipped
+    >>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
+    >>> [job], _ = sounder.gather(recordings, calibration=b2b)
+    >>> cir, problems = sounder.impulse_responses(job.recording, sounder.calibrate(job.b2b, job.recording))
+    >>> spectrum = sounder.daps(cir, job.recording.sounder)
+    >>> spectrum["daps"].dims
+    ('azimuth', 'elevation', 'delay')
+    >>> print(f"{float(spectrum['pdp'].max()):.1f} dB")  # the direct path has a gain of -104.5 dB
+    -104.5 dB
     """
     power = np.abs(cir["cir"].values).astype(float) ** 2
     floor = noise_power(power)
     recorded = np.isfinite(floor)
     pattern = Pattern.of(sounder.rx_antenna)
     boresight = 10 ** (pattern.gain / 10)
-    excess = np.where(power > 4 * floor[..., None], power, 0)  # 6 dB: 2 % of the noise remains
+    excess = np.where(power > 4 * floor[..., None], power, 0)  # 6 dB: exp(-4) = 2 % of the noise samples remain
     if omnidirectional == "sum":
         overlap = _overlap(cir["azimuth"].values, cir["elevation"].values, recorded, pattern)
         pdp = np.nansum(power, axis=(0, 1)) / (boresight * overlap)
     else:
         pdp = np.nanmax(power, axis=(0, 1)) / boresight
     grid = ("azimuth", "elevation")
-    # The scan adds the noise of all its beams; a sum that holds nothing has no level.
     pas = np.where(recorded, excess.sum(axis=-1), np.nan)
     result = xr.Dataset(
         {
             "daps": ((*grid, "delay"), _db(power).astype(np.float32), _attrs("delay-angular power spectrum")),
             "noise_floor": (grid, _db(floor), _attrs("mean noise power")),
             "pdp": ("delay", _db(pdp), _attrs("omnidirectional power delay profile")),
-            "pas": (grid, _db(pas), _attrs("power angular spectrum")),
+            "pas": (grid, _db(pas), _attrs("power angular spectrum, above the noise floor")),
         },
         coords=cir.coords,
         attrs={**cir.attrs, "omnidirectional": omnidirectional, "rx_antenna_gain": pattern.gain},
@@ -92,7 +111,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
 def _overlap(
     azimuth: NDArray[np.float64], elevation: NDArray[np.float64], recorded: NDArray[np.bool_], pattern: Pattern
 ) -> float:
-    """Relative gain of all recorded beams together toward a direction of the scan, averaged over the scan."""
+    """Sum of the relative gains of all recorded beams toward a direction of the scan, averaged over the scan."""
     a, e = (grid[recorded] for grid in np.meshgrid(azimuth, elevation, indexing="ij"))
     gains = 10 ** (pattern.beam_gain(a[:, None], e[:, None], a[None, :], e[None, :]) / 10)
     return float(gains.sum(axis=1).mean())

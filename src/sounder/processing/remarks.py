@@ -28,7 +28,7 @@ def failures(recording: Recording, groups: Mapping[str, xr.Dataset], problems: S
     problems : sequence of Problem
         Of the directions.
     """
-    kinds = dict.fromkeys((problem.what, problem.then) for problem in problems)
+    kinds = dict.fromkeys((problem.what, problem.action) for problem in problems)
     found = [_spoiled(recording, problems, *kind) for kind in kinds]
     if (impossible := _over_free_space(groups["/mpc"], recording)) is not None:
         found.append(impossible)
@@ -57,7 +57,7 @@ def notes(recording: Recording, groups: Mapping[str, xr.Dataset]) -> list[str]:
 
 def _spoiled(recording: Recording, problems: Sequence[Problem], what: str, then: str) -> str:
     """One kind of problem, with the share of the samples where that is not all of them."""
-    alike = [problem for problem in problems if (problem.what, problem.then) == (what, then)]
+    alike = [problem for problem in problems if (problem.what, problem.action) == (what, then)]
     worst = max(problem.share for problem in alike)
     share = "" if worst == 1 else f" (up to {100 * worst:.1f} %)"
     recorded = int(recording.valid.sum())

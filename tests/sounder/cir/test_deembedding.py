@@ -234,6 +234,6 @@ def test_empty_back_to_back_is_refused(description, back_to_back_maker):
 def test_attenuator_that_was_not_measured_over_the_band_is_refused(bench_maker):
     frequency = np.linspace(131.9e9, 132.1e9, 11)
     with pytest.raises(
-        DataError, match=r"measured from 131\.90 to 132\.10 GHz; the band kept is 131\.46 to 132\.54 GHz"
+        DataError, match=r"measured from 131\.90 to 132\.10 GHz; expected the band kept, 131\.46 to 132\.54 GHz"
     ):
         bench_maker(s21=(frequency, np.full(11, 1e-3 + 0j)))

@@ -15,6 +15,7 @@ from sounder.recordings import native
 from sounder.twin.receiver import back_to_back
 
 B2B = "back-to-back-132ghz.h5"
+RECORDING = "recording-132ghz.h5"
 
 
 @pytest.fixture(scope="module")
@@ -36,11 +37,16 @@ def test_the_script_makes_the_same_numbers_again(tmp_path, b2b):
     assert np.abs(again.captures.astype(int) - b2b.captures).max() <= 4
     assert again.scale_factor == b2b.scale_factor
     assert again.title == b2b.title
+    ([made], [kept]) = (native.recordings(file) for file in (tmp_path / RECORDING, shipped.calibration(RECORDING)))
+    for direction in ((0, 0), (7, 1)):
+        assert np.abs(made.captures(*direction).astype(int) - kept.captures(*direction)).max() <= 4
 
 
 def test_every_file_says_that_it_is_synthetic(b2b):
     assert dict(describe_back_to_back(b2b))["title"] == b2b.title
     assert b2b.title.startswith("SYNTHETIC ")
+    [recording] = native.recordings(shipped.calibration(RECORDING))
+    assert recording.name == "synthetic-two-paths"
     for name in ("horn-132ghz.csv", "attenuator-60db.s2p"):
         assert "SYNTHETIC" in shipped.calibration(name).read_text().splitlines()[0]
 

@@ -41,7 +41,7 @@ def test_the_positions_of_one_file_share_one_line(campaign, joined, tmp_path, ca
     described = ("--layout", layout, "--sounder", campaign / "sounder.toml")
     assert run("process", joined, *described, "--out", tmp_path / "out") == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith("run sounder info on it to find what it holds (all 2 positions of foreign.h5)")
+    assert line.endswith("sounder info on it shows the sequence that it holds (all 2 positions of foreign.h5)")
 
 
 def test_no_back_to_back_at_all_is_told(copied, capsys):
