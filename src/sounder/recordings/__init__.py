@@ -1,1 +1,1 @@
-"""What was recorded: recordings and their readers, one a format."""
+"""Recordings: what they hold, one reader for each format, and the writer of the native format."""

@@ -1,4 +1,4 @@
-"""Foreign HDF5 and MATLAB files, read as a layout says."""
+"""Reader of foreign HDF5 and MATLAB files, by a layout."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,34 +13,34 @@ from sounder.recordings.foreign_file import ForeignFile, foreign_file, opener
 from sounder.recordings.layout import Layout, Reference, Samples
 from sounder.recordings.recording import BackToBack, Captures, Recording, check
 
-PLACE = ("position", "azimuth", "elevation", "direction")
-"""Axes that tell where a capture was made."""
+SCAN_AXES = ("position", "azimuth", "elevation", "direction")
+"""Axes along which captures were made at different places or in different directions."""
 
 
 def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording | DataError]:
-    """Open every position of a foreign file; HDF5 samples are not read.
+    """Open every position of a foreign file. Samples of HDF5 files are not read.
 
     Parameters
     ----------
     path : Path
-        HDF5 (MATLAB 7.3 included) or older MATLAB file.
+        HDF5 file (MATLAB 7.3 included) or older MATLAB file.
     layout : Layout
-        Where everything is.
+        Where the file stores what a recording needs.
     sounder : Sounder
-        The description that the layout's own keys override.
+        Description of the sounder. Keys of the layout override it.
 
     Returns
     -------
     list of Recording or DataError
-        One a position; what cannot be used stands as its error.
+        One for each position; the error in place of a position that cannot be used.
 
     Raises
     ------
     DataError
-        The file is not as the layout says.
+        The file does not have this layout.
     """
     with foreign_file(path) as file:
-        described = _described(file, layout, sounder)
+        described = _sounder(file, layout, sounder)
         azimuth, elevation, order = _grid(file, layout)
         shape = _shape(file, layout.captures)
         positions = shape.get("position", 1)
@@ -82,7 +82,7 @@ def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording |
 
 
 def back_to_back(path: Path, layout: Layout, sounder: Sounder) -> BackToBack | None:
-    """Read the back-to-back captures a foreign file holds; None where the layout names none."""
+    """Read the back-to-back captures of a foreign file; None if the layout names none."""
     block = layout.back_to_back
     if block is None:
         return None
@@ -91,7 +91,7 @@ def back_to_back(path: Path, layout: Layout, sounder: Sounder) -> BackToBack | N
         scale = layout.scale_factor if block.scale_factor is None else block.scale_factor
         return BackToBack(
             source=path,
-            sounder=_described(file, layout, sounder),
+            sounder=_sounder(file, layout, sounder),
             captures=_captures(file, block, {}),
             scale_factor=file.scale(scale, "scale_factor"),
             attenuation=file.number(block.attenuation, "back_to_back.attenuation"),
@@ -108,14 +108,14 @@ def _each_direction(
     directions: tuple[int, int],
     label: str,
 ) -> NDArray[np.float64]:
-    """Bring one number, one a position, or one a direction along the captures' own axes to the file's grid.
+    """Expand one number, one for each position, or one for each direction (along the axes of the captures) to the grid.
 
     Returns
     -------
     array (position, azimuth, elevation)
     """
     found = file.numbers(value, label).astype(float)
-    axes = [axis for axis in block.axes if axis in PLACE]
+    axes = [axis for axis in block.axes if axis in SCAN_AXES]
     full = [shape[axis] for axis in axes]
     if found.shape == tuple(length for length in full if length > 1):
         found = found.reshape(full)
@@ -123,11 +123,11 @@ def _each_direction(
         found = found.reshape([shape[axis] if axis == "position" else 1 for axis in axes])
     elif found.ndim:
         raise DataError(
-            f"{file.path}: {label} has shape {found.shape}; expected one number, one a position, or {tuple(full)} "
-            f"along the captures' axes {', '.join(axes)}"
+            f"{file.path}: {label} has shape {found.shape}; expected one number, one for each position, or "
+            f"{tuple(full)} along the axes of the captures, {', '.join(axes)}"
         )
     if not np.isfinite(found).all():
-        raise DataError(f"{file.path}: {label} holds values that are not finite")
+        raise DataError(f"{file.path}: {label} holds NaN or infinite values")
     found = np.broadcast_to(found, full)
     if "direction" in axes:
         at = axes.index("direction")
@@ -142,8 +142,8 @@ def _each_direction(
     return np.expand_dims(found, absent)
 
 
-def _described(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
-    """The sounder description with the layout's keys in place."""
+def _sounder(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
+    """Sounder description after the keys of the layout replaced its own."""
 
     def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
         result = dict(base)
@@ -169,7 +169,7 @@ def _described(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
 def _grid(
     file: ForeignFile, layout: Layout
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Azimuth and elevation in rising order [degree], and the file's index of each."""
+    """Azimuths and elevations in ascending order [degree], and the index of each in the file."""
     azimuth = file.angles(layout.grid.azimuth, "grid.azimuth")
     elevation = file.angles(layout.grid.elevation, "grid.elevation")
     if layout.grid.azimuth_convention == "compass":
@@ -178,10 +178,13 @@ def _grid(
         elevation = 90.0 - elevation
     azimuth = azimuth % 360
     if np.abs(elevation).max() > 90:
-        raise DataError(f"{file.path}: grid.elevation leaves -90..90 degree above the horizon; is it a zenith angle?")
+        raise DataError(
+            f"{file.path}: grid.elevation is outside -90 to 90 degrees above the horizon; for zenith angles set "
+            'elevation_convention = "zenith"'
+        )
     by_azimuth, by_elevation = np.argsort(azimuth), np.argsort(elevation)
     if np.unique(azimuth).size < azimuth.size or np.unique(elevation).size < elevation.size:
-        raise DataError(f"{file.path}: the grid names a direction twice; list each azimuth and elevation once")
+        raise DataError(f"{file.path}: the grid lists a direction twice; list each azimuth and elevation once")
     order = (by_azimuth[:, None], by_elevation[None, :])
     return azimuth[by_azimuth], elevation[by_elevation], order
 
@@ -191,7 +194,7 @@ def _shape(file: ForeignFile, block: Samples) -> dict[str, int]:
     node = file.node(block.dataset)
     if node.ndim != len(block.axes):
         raise DataError(
-            f"{file.path}: {block.dataset} has {node.ndim} axes {node.shape}; the layout names {len(block.axes)}: "
+            f"{file.path}: {block.dataset} has {node.ndim} axes {node.shape}, but the layout names {len(block.axes)}: "
             f"{', '.join(block.axes)}"
         )
     shape = dict(zip(map(str, block.axes), node.shape, strict=True))
@@ -199,8 +202,8 @@ def _shape(file: ForeignFile, block: Samples) -> dict[str, int]:
         raise DataError(f"{file.path}: {block.dataset} has shape {node.shape}, but {block.imaginary} has {other}")
     if (node.dtype.kind in "biuf") != (block.imaginary is not None or "iq" in block.axes):
         raise DataError(
-            f"{file.path}: {block.dataset} is {node.dtype}; real numbers need the axis iq or a dataset named as "
-            "imaginary, complex ones neither"
+            f"{file.path}: {block.dataset} is {node.dtype}; real numbers need the axis iq or the key imaginary, "
+            "complex numbers need neither"
         )
     if shape.get("iq", 2) != 2:
         raise DataError(f"{file.path}: axis iq of {block.dataset} has length {shape['iq']}; expected 2 (I, Q)")
@@ -210,10 +213,10 @@ def _shape(file: ForeignFile, block: Samples) -> dict[str, int]:
 def _require_lengths(
     path: Path, block: Samples, shape: Mapping[str, int], directions: tuple[int, int], samples: int
 ) -> None:
-    """Refuse axes that have not the length of the grid or, where another one has it, of a capture."""
+    """Check the lengths of the axes against the grid, and against the capture if another axis has its length."""
     order = (
         f"{block.dataset} is {tuple(shape.values())}, read as {', '.join(shape)}; "
-        "captures.axes must name the axes in the order in which the file stores them"
+        "list captures.axes in the order in which the file stores them"
     )
     for axis, length in zip(("azimuth", "elevation"), directions, strict=True):
         have = shape.get(axis, length if "direction" in shape else 1)
@@ -227,7 +230,7 @@ def _require_lengths(
 
 
 def _name(layout: Layout, path: Path, position: int) -> str:
-    """Name of a position; by default the file's where it holds one, and a number after it where it holds many."""
+    """Name of a position. Default: the name of the file, with a number if the layout has the axis position."""
     pattern = layout.positions.name
     if pattern is None:
         pattern = "{file}-{:02d}" if "position" in layout.captures.axes else "{file}"
@@ -241,7 +244,7 @@ def _reader(
     order: tuple[NDArray[np.intp], NDArray[np.intp]],
     directions: tuple[int, int],
 ) -> Callable[[int, int, slice], Captures]:
-    """Read captures of one direction, named by its place in the sorted grid."""
+    """Reader of the captures of one direction, by its index in the ascending grid."""
 
     def read(azimuth: int, elevation: int, snapshots: slice) -> Captures:
         a, e = int(order[0][azimuth, 0]), int(order[1][0, elevation])
@@ -256,21 +259,21 @@ def _reader(
 
 
 def _captures(file: ForeignFile, block: Samples, where: Mapping[str, Any]) -> Captures:
-    """Captures at ``where``, brought to (snapshot, sample[, iq]), int16 as they are and all else as complex64."""
+    """Captures at ``where`` as (snapshot, sample, iq) if they are int16, otherwise complex64 (snapshot, sample)."""
     index = tuple(where.get(axis, slice(None)) for axis in block.axes)
-    left = [axis for axis in block.axes if axis in ("snapshot", "sample", "iq")]
+    axes = [axis for axis in block.axes if axis in ("snapshot", "sample", "iq")]
     data = np.asarray(file.node(block.dataset)[index])
     if block.imaginary is not None:
         imaginary = np.asarray(file.node(block.imaginary)[index])
-        data, left = np.stack([data, imaginary], axis=-1), [*left, "iq"]
-    if data.dtype.names is not None:  # MATLAB 7.3 keeps complex numbers as (real, imag) records
+        data, axes = np.stack([data, imaginary], axis=-1), [*axes, "iq"]
+    if data.dtype.names is not None:  # MATLAB 7.3 stores complex numbers as records (real, imag)
         data = data[data.dtype.names[0]] + 1j * data[data.dtype.names[1]]
-    if "snapshot" not in left:
-        data, left = data[None], ["snapshot", *left]
-    wanted = [axis for axis in ("snapshot", "sample", "iq") if axis in left]
-    data = np.transpose(data, [left.index(axis) for axis in wanted])
-    if data.dtype == np.int16 and "iq" in left:
+    if "snapshot" not in axes:
+        data, axes = data[None], ["snapshot", *axes]
+    wanted = [axis for axis in ("snapshot", "sample", "iq") if axis in axes]
+    data = np.transpose(data, [axes.index(axis) for axis in wanted])
+    if data.dtype == np.int16 and "iq" in axes:
         return np.ascontiguousarray(data)
-    if "iq" in left:
+    if "iq" in axes:
         data = data[..., 0] + 1j * data[..., 1]
     return np.ascontiguousarray(data, dtype=np.complex64)

@@ -1,4 +1,4 @@
-"""A foreign HDF5 or MATLAB file, and the numbers a layout asks of it."""
+"""Access to a foreign HDF5 or MATLAB file by the names that a layout gives."""
 
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -17,12 +17,12 @@ from erm.common.storage import open_hdf5
 from sounder.recordings.layout import Reference
 
 CHUNK_CACHE = 64 * 2**20
-"""Decompressed chunks that HDF5 keeps of each file being read [byte]."""
+"""Size of HDF5's cache of decompressed chunks, for each open file [byte]. Chosen to hold a chunk of many directions."""
 
 
 @dataclass(frozen=True)
 class ForeignFile:
-    """Content of a file by name; ``label`` in the methods is the layout's key, for errors.
+    """Content of a file by name. In the methods, ``label`` is the key of the layout, for errors.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class ForeignFile:
     root: Mapping[str, Any]
 
     def node(self, name: str) -> Any:
-        """Dataset of that name; ``group/name`` in a group or in a MATLAB structure."""
+        """Dataset of a name; ``group/name`` in a group or in a MATLAB structure."""
         node: Any = self.root
         for part in name.strip("/").split("/"):
             if isinstance(node, Mapping):
@@ -45,33 +45,33 @@ class ForeignFile:
             else:
                 node = None
         if not isinstance(node, (h5py.Dataset, np.ndarray)):
-            raise DataError(f"{self.path}: no dataset {name}; the layout names it")
+            raise DataError(f"{self.path}: no dataset {name}, which the layout names")
         return node
 
     def numbers(self, value: Any, label: str) -> NDArray[Any]:
-        """Numbers written in the layout, or what it refers to, without axes of length 1."""
+        """Numbers that the layout gives or refers to, without axes of length 1."""
         if not isinstance(value, Reference):
             return np.asarray(value)
-        name, found = self._referred(value)
+        name, found = self._resolve(value)
         if found.dtype.kind not in "biuf":
-            raise DataError(f"{self.path}: {label}: {name} holds no real numbers ({found.dtype})")
+            raise DataError(f"{self.path}: {label}: {name} is {found.dtype}; expected real numbers")
         return found.squeeze()
 
     def text(self, reference: Reference, label: str) -> str:
-        """One piece of text that the layout refers to."""
-        name, found = self._referred(reference)
+        """Text that the layout refers to."""
+        name, found = self._resolve(reference)
         if found.size != 1 or found.dtype.kind not in "OSU":
-            raise DataError(f"{self.path}: {label}: {name} holds no text ({found.dtype})")
+            raise DataError(f"{self.path}: {label}: {name} is {found.dtype} {found.shape}; expected one text")
         text = found.item()
         return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
 
-    def _referred(self, value: Reference) -> tuple[str, NDArray[Any]]:
-        """What a reference names in messages, and what stands there."""
+    def _resolve(self, value: Reference) -> tuple[str, NDArray[Any]]:
+        """Name of a reference, for errors, and its value."""
         if value.dataset is not None:
             return value.dataset, np.asarray(self.node(value.dataset)[()])
         attributes = getattr(self.root if value.of is None else self.node(value.of), "attrs", {})
         if value.attribute not in attributes:
-            raise DataError(f"{self.path}: no attribute {value.attribute}; the layout names it")
+            raise DataError(f"{self.path}: no attribute {value.attribute}, which the layout names")
         return str(value.attribute), np.asarray(attributes[value.attribute])
 
     def number(self, value: Any, label: str) -> float:
@@ -89,14 +89,14 @@ class ForeignFile:
         return found
 
     def angles(self, value: Any, label: str) -> NDArray[np.float64]:
-        """List of finite numbers."""
+        """List of finite angles [degree]."""
         found = np.atleast_1d(self.numbers(value, label)).astype(float)
         if found.ndim != 1 or not found.size or not np.isfinite(found).all():
             raise DataError(f"{self.path}: {label} is {_short(found)}; expected a list of finite angles")
         return found
 
     def lines_of_sight(self, value: Any, positions: int, label: str) -> list[int]:
-        """1, 0 or -1 for every position."""
+        """1, 0 or -1 for each position; see :class:`sounder.recordings.recording.Recording`."""
         found = self.numbers(value, label)
         if found.shape not in ((), (positions,)):
             raise DataError(f"{self.path}: {label} has shape {found.shape}; expected one number or {positions}")
@@ -107,7 +107,7 @@ class ForeignFile:
         return [int(los) for los in np.broadcast_to(found, positions)]
 
     def points(self, value: Any, positions: int, label: str) -> NDArray[np.float64]:
-        """One point for every position (position, xyz); what is not finite is left to who uses the position."""
+        """A point for each position (position, xyz) [m]. Points that are not finite are returned as they are."""
         found = self.numbers(value, label).astype(float)
         if found.shape == (1, 3):
             found = found[0]
@@ -118,7 +118,7 @@ class ForeignFile:
         return np.broadcast_to(found, (positions, 3))
 
     def _transposed(self, value: Any) -> bool:
-        """Whether HDF5 shows a dataset transposed, as MATLAB 7.3 saves it."""
+        """Whether a dataset was saved by MATLAB 7.3, whose arrays HDF5 shows transposed."""
         if not isinstance(value, Reference) or value.dataset is None:
             return False
         return "MATLAB_class" in getattr(self.node(value.dataset), "attrs", {})
@@ -126,24 +126,24 @@ class ForeignFile:
 
 @contextmanager
 def foreign_file(path: Path) -> Iterator[ForeignFile]:
-    """Open HDF5 lazily, older MATLAB files whole.
+    """Open an HDF5 file, or load an older MATLAB file.
 
     Raises
     ------
     DataError
-        No such file, or it is neither HDF5 nor MATLAB.
+        There is no such file, or it is neither HDF5 nor MATLAB.
     """
     if path.suffix == ".mat" and path.is_file() and not h5py.is_hdf5(path):
         yield ForeignFile(path, _matlab(path))
     else:
-        with open_hdf5(path, "HDF5 as the layout tells, or MATLAB's format in a file named .mat") as file:
+        with open_hdf5(path, "an HDF5 file, or a MATLAB file named .mat") as file:
             yield ForeignFile(path, file)
 
 
 def opener(path: Path) -> Callable[[], ForeignFile]:
-    """Opener of a file for all its positions; open while any of them lives.
+    """Function that returns the file, opened at its first call and then kept open for all positions.
 
-    A chunk often holds many directions, and the next call finds it in HDF5's cache.
+    A chunk often holds many directions; the next call finds it in HDF5's cache.
     """
 
     @cache
@@ -160,7 +160,7 @@ def _matlab(path: Path) -> dict[str, Any]:
     try:
         tables: dict[str, Any] = loadmat(path)
     except (ValueError, TypeError, OSError, NotImplementedError, MatReadError, zlib.error) as error:
-        raise DataError(f"{path}: not a MATLAB file, or a damaged one ({error})") from None
+        raise DataError(f"{path}: not a MATLAB file, or a damaged one ({error}); export it again") from None
     return tables
 
 

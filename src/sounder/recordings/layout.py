@@ -1,4 +1,4 @@
-"""Layout: a small TOML that says where a foreign HDF5 or MATLAB file keeps what a recording needs."""
+"""Layout: a TOML file that says where a foreign HDF5 or MATLAB file stores what a recording needs."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -11,7 +11,7 @@ Axis = Literal["position", "azimuth", "elevation", "direction", "snapshot", "sam
 
 
 class Reference(Table):
-    """Where a value stands in the file: a dataset, or an attribute (of the root, or of the dataset ``of``)."""
+    """Where the file stores a value: a dataset, or an attribute of the root or of the dataset ``of``."""
 
     dataset: str | None = None
     attribute: str | None = None
@@ -20,26 +20,26 @@ class Reference(Table):
     @model_validator(mode="after")
     def _one(self) -> Self:
         if (self.dataset is None) == (self.attribute is None):
-            raise ValueError("a reference names either a dataset or an attribute")
+            raise ValueError("expected either a dataset or an attribute")
         return self
 
 
-ELSEWHERE = '{ dataset = "name" }, { attribute = "name" } or { attribute = "name", of = "dataset" }'
-Number = Annotated[float | Reference, Alternatives(f"a number, {ELSEWHERE}")]
-Numbers = Annotated[tuple[float, ...] | Reference, Alternatives(f"a list of numbers, {ELSEWHERE}")]
+REFERENCES = '{ dataset = "name" }, { attribute = "name" } or { attribute = "name", of = "dataset" }'
+Number = Annotated[float | Reference, Alternatives(f"a number, {REFERENCES}")]
+Numbers = Annotated[tuple[float, ...] | Reference, Alternatives(f"a list of numbers, {REFERENCES}")]
 Points = Annotated[
     tuple[float, float, float] | tuple[tuple[float, float, float], ...] | Reference,
-    Alternatives(f"three numbers, a list of such, {ELSEWHERE}"),
+    Alternatives(f"three numbers, a list of these, {REFERENCES}"),
 ]
 
 
 class Samples(Table):
     """A block of captures.
 
-    ``dataset`` holds I and Q along the axis ``iq``, or complex numbers and no such axis; two real datasets are named
-    by ``dataset`` (I) and ``imaginary`` (Q). ``axes`` names the axes in the order the file stores them; a MATLAB 7.3
-    file stores them in the reverse of the order MATLAB shows. The axis ``direction`` holds azimuths and elevations
-    one after the other; ``slowest`` says which of them changes last.
+    ``dataset`` holds I and Q along the axis ``iq``, or complex numbers without this axis. If I and Q are two datasets,
+    ``dataset`` names I and ``imaginary`` names Q. ``axes`` lists the axes in the order in which the file stores them; a
+    MATLAB 7.3 file stores them in the reverse of the order that MATLAB shows. The axis ``direction`` holds all
+    azimuths and elevations in sequence; ``slowest`` is the one that changes last.
     """
 
     dataset: str
@@ -50,18 +50,18 @@ class Samples(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if len(set(self.axes)) != len(self.axes):
-            raise ValueError("axes names one axis twice")
+            raise ValueError("axes lists an axis twice")
         if "sample" not in self.axes:
-            raise ValueError("axes does not name sample")
+            raise ValueError("axes has no sample")
         if "direction" in self.axes and {"azimuth", "elevation"} & set(self.axes):
-            raise ValueError("axes names direction as well as azimuth or elevation")
+            raise ValueError("axes has direction and azimuth or elevation; expected one or the other")
         if self.imaginary is not None and "iq" in self.axes:
-            raise ValueError("axes names iq, but I and Q stand in datasets of their own")
+            raise ValueError("axes has iq, but imaginary says that I and Q are two datasets")
         return self
 
 
 class Grid(Table):
-    """Horn directions [degree]; a compass azimuth is clockwise from north, a zenith angle is from straight up."""
+    """Directions of the horn [degree]. A compass azimuth is clockwise from north, a zenith angle is from up."""
 
     azimuth: Numbers
     elevation: Numbers
@@ -70,14 +70,14 @@ class Grid(Table):
 
 
 class Positions(Table):
-    """Antenna positions, east/north/up [m]: one, or one a position; and what else is known of each position.
+    """Positions of the antennas, east/north/up [m]: one for all, or one for each position; line of sight and name.
 
-    In ``name``, ``{}`` stands for the position's number (``{:02d}`` for two digits) and ``{file}`` for the file's name.
+    In ``name``, ``{}`` is the number of the position (``{:02d}`` for two digits) and ``{file}`` the name of the file.
     """
 
     tx: Points
     rx: Points
-    los: Annotated[int | Reference, Alternatives(f"1, 0, -1, {ELSEWHERE}")] = -1
+    los: Annotated[int | Reference, Alternatives(f"1, 0, -1, {REFERENCES}")] = -1
     name: str | None = None
 
     @model_validator(mode="after")
@@ -86,13 +86,13 @@ class Positions(Table):
             (self.name or "").format(0, file="")
         except (LookupError, ValueError):
             raise ValueError(
-                f"name is \"{self.name}\"; expected text with {{}} in the number's and {{file}} in the file's place"
+                f'name is "{self.name}"; expected text with {{}} for the number and {{file}} for the name of the file'
             ) from None
         return self
 
 
-class Attenuated(Samples):
-    """The back-to-back captures inside the file, through ``attenuation`` [dB]."""
+class BackToBackSamples(Samples):
+    """Back-to-back captures in the file, recorded through ``attenuation`` [dB]."""
 
     attenuation: Number
     scale_factor: Number | None = None
@@ -101,14 +101,14 @@ class Attenuated(Samples):
     @model_validator(mode="after")
     def _one_connection(self) -> Self:
         if extra := set(self.axes) - {"snapshot", "sample", "iq"}:
-            raise ValueError(f"axes of the back-to-back names {', '.join(sorted(extra))}")
+            raise ValueError(f"axes has {', '.join(sorted(extra))}; expected snapshot, sample and iq at most")
         return self
 
 
 class Layout(Table):
-    """How a foreign file is laid out; see ``docs/formats.md``.
+    """Layout of a foreign file; see ``docs/formats.md``.
 
-    ``sounder`` overrides single keys of the sounder description; its values may be references too.
+    ``sounder`` overrides single keys of the sounder description. Its values may be references.
     """
 
     captures: Samples
@@ -116,7 +116,7 @@ class Layout(Table):
     agc_gain: Number = 0.0
     grid: Grid
     positions: Positions
-    back_to_back: Attenuated | None = None
+    back_to_back: BackToBackSamples | None = None
     sounder: dict[str, Any] = Field(default_factory=dict)
     time: Annotated[Reference | None, Field(description="time of each direction [s since 1970-01-01 UTC]")] = None
 

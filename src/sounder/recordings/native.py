@@ -1,4 +1,4 @@
-"""The toolkit's own recording file: HDF5, one position a file."""
+"""The native recording: an HDF5 file for each position."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -18,14 +18,14 @@ BACK_TO_BACK = "sounder-to-map back-to-back"
 
 
 def kind_of(path: Path) -> str | None:
-    """Content of the attribute ``kind``, which tells a native file; None for any other HDF5 file."""
+    """Attribute ``kind`` of a native file; None for any other HDF5 file."""
     with open_hdf5(path) as file:
         kind = file.attrs.get("kind")
         return kind if isinstance(kind, str) else None
 
 
-def what_else(path: Path) -> str | None:
-    """Other file of this software that stands where a recording should; None if it is none."""
+def other_kind(path: Path) -> str | None:
+    """Name what else of this software a file is, if it is no recording; None for files of other software."""
     if not h5py.is_hdf5(path):
         return None
     with open_hdf5(path) as file:
@@ -40,7 +40,7 @@ def is_format(path: Path) -> bool:
 
 
 def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
-    """Open a native recording; no sample is read.
+    """Open a native recording. No sample is read.
 
     Parameters
     ----------
@@ -52,20 +52,20 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
     Returns
     -------
     list of Recording
-        One.
+        A single one.
 
     Raises
     ------
     DataError
-        The file is not a native recording or does not fit its own description.
+        The file is not a native recording, or contradicts its own description.
     """
     with open_hdf5(path) as file:
         if file.attrs.get("kind") != RECORDING:
-            raise DataError(f"{path}: not a recording of this software; say how it is laid out with --layout FILE")
+            raise DataError(f"{path}: not a native recording; describe its layout with --layout FILE")
         _require(file, path, ("iq", "azimuth", "elevation", "tx_position", "rx_position"))
         iq = file["iq"]
         shape = iq.shape
-        azimuth, elevation = (_rising(file, path, name) for name in ("azimuth", "elevation"))
+        azimuth, elevation = (_ascending(file, path, name) for name in ("azimuth", "elevation"))
         directions = (azimuth.size, elevation.size)
         if iq.ndim != 5 or iq.dtype != np.int16 or shape[4] != 2 or shape[:2] != directions:
             raise DataError(
@@ -79,8 +79,8 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
             azimuth=azimuth,
             elevation=elevation,
             snapshots=shape[2],
-            tx_position=_sized(file, path, "tx_position", 3),
-            rx_position=_sized(file, path, "rx_position", 3),
+            tx_position=_vector(file, path, "tx_position", 3),
+            rx_position=_vector(file, path, "rx_position", 3),
             scale_factor=_scale(iq, path),
             agc_gain=_grid(file, path, "agc_gain", directions, 0.0),
             valid=_grid(file, path, "valid", directions, 1.0) != 0,
@@ -94,14 +94,14 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
     return [recording]
 
 
-def _rising(file: h5py.File, path: Path, name: str) -> NDArray[np.float64]:
+def _ascending(file: h5py.File, path: Path, name: str) -> NDArray[np.float64]:
     values: NDArray[np.float64] = file[name][()].astype(float).reshape(-1)
     if not values.size or not np.isfinite(values).all() or (np.diff(values) <= 0).any():
-        raise DataError(f"{path}: {name} does not rise; expected finite values in rising order")
+        raise DataError(f"{path}: {name} is not in ascending order; expected finite ascending values")
     return values
 
 
-def _sized(file: h5py.File, path: Path, name: str, size: int) -> NDArray[np.float64]:
+def _vector(file: h5py.File, path: Path, name: str, size: int) -> NDArray[np.float64]:
     values: NDArray[np.float64] = file[name][()].astype(float).reshape(-1)
     if values.size != size:
         raise DataError(f"{path}: {name} has {values.size} numbers; expected {size}")
@@ -109,7 +109,7 @@ def _sized(file: h5py.File, path: Path, name: str, size: int) -> NDArray[np.floa
 
 
 def _grid(file: h5py.File, path: Path, name: str, shape: tuple[int, int], default: float) -> NDArray[np.float64]:
-    """Values of each direction; the default where the file holds none."""
+    """Values of each direction (azimuth, elevation); the default if the file has none."""
     values = file[name][()].astype(float) if name in file else np.full(shape, default)
     if values.shape != shape:
         raise DataError(f"{path}: {name} has shape {values.shape}; expected (azimuth, elevation), {shape}")
@@ -120,20 +120,20 @@ def _scale(iq: h5py.Dataset, path: Path) -> float:
     scale = float(iq.attrs.get("scale_factor", np.nan))
     if not 0 < scale < np.inf:
         raise DataError(
-            f"{path}: iq has the attribute scale_factor {scale:g}; expected the positive amplitude of one LSB"
+            f"{path}: scale_factor of iq is {scale:g}; expected the amplitude of one LSB, a positive number"
         )
     return scale
 
 
 def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Captures]:
-    """Map the captures asked for at their place in the file, if they lie in one piece; else read through HDF5.
+    """Reader of captures: through a memory map if the file stores ``iq`` in one piece, otherwise through HDF5.
 
-    Each call has a map of its own, so what has been read need not stay in memory.
+    Each call makes its own map, so that memory does not grow with what was read.
     """
     offset = iq.id.get_offset() if iq.chunks is None and iq.dtype.isnative else None
     shape = iq.shape
     if offset is not None and path.stat().st_size < offset + iq.id.get_storage_size():
-        raise DataError(f"{path}: the file ends before its samples do; copy it again")
+        raise DataError(f"{path}: the file ends before its last sample; copy it again")
 
     def mapped(a: int, e: int, snapshots: slice) -> Captures:
         wanted = range(*snapshots.indices(shape[2]))
@@ -141,8 +141,8 @@ def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Capture
             return np.empty((0, *shape[3:]), np.int16)
         first, last = min(wanted[0], wanted[-1]), max(wanted[0], wanted[-1])
         capture = 2 * shape[3] * shape[4]
-        place = offset + ((a * shape[1] + e) * shape[2] + first) * capture
-        piece = np.memmap(path, np.int16, "r", place, (last - first + 1, *shape[3:]))
+        start = offset + ((a * shape[1] + e) * shape[2] + first) * capture
+        piece = np.memmap(path, np.int16, "r", start, (last - first + 1, *shape[3:]))
         return piece if wanted.step == 1 else piece[:: wanted.step]
 
     def read(a: int, e: int, snapshots: slice) -> Captures:
@@ -167,7 +167,7 @@ def back_to_back(path: Path) -> BackToBack:
     with open_hdf5(path, "a back-to-back recording") as file:
         if file.attrs.get("kind") != BACK_TO_BACK:
             raise DataError(
-                f"{path}: not a back-to-back recording; make one with the attenuator in the antennas' place"
+                f"{path}: not a back-to-back recording; record one with an attenuator in place of the antennas"
             )
         _require(file, path, ("iq",))
         iq = file["iq"]
@@ -175,7 +175,7 @@ def back_to_back(path: Path) -> BackToBack:
             raise DataError(f"{path}: iq is {iq.dtype} {iq.shape}; expected int16 (snapshot, sample, 2)")
         attenuation = float(file.attrs.get("attenuation", np.nan))
         if not np.isfinite(attenuation):
-            raise DataError(f"{path}: no attribute attenuation; expected the loss of the attenuator in dB")
+            raise DataError(f"{path}: no attribute attenuation; expected the loss of the attenuator [dB]")
         return BackToBack(
             source=path,
             sounder=_description(file, path),
@@ -190,7 +190,7 @@ def back_to_back(path: Path) -> BackToBack:
 
 def _attenuator(file: h5py.File, path: Path) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     _require(file, path, ("attenuator_frequency",))
-    frequency, s21 = _rising(file, path, "attenuator_frequency"), file["attenuator_s21"][()]
+    frequency, s21 = _ascending(file, path, "attenuator_frequency"), file["attenuator_s21"][()]
     if s21.shape != (frequency.size, 2):
         raise DataError(f"{path}: attenuator_s21 has shape {s21.shape}; expected ({frequency.size}, 2)")
     return frequency, s21 @ [1, 1j]
@@ -200,7 +200,7 @@ def _require(file: h5py.File, path: Path, names: Iterable[str]) -> None:
     absent = [name for name in names if name not in file]
     if absent:
         raise DataError(
-            f"{path}: no {', '.join(absent)} in the file; expected a recording as docs/formats.md describes"
+            f"{path}: the file has no {', '.join(absent)}; expected a recording as described in docs/formats.md"
         )
 
 
@@ -208,5 +208,5 @@ def _description(file: h5py.File, path: Path) -> Sounder:
     try:
         tables = json.loads(file.attrs["sounder"])
     except (KeyError, ValueError):
-        raise DataError(f"{path}: no readable sounder description in the attribute sounder") from None
+        raise DataError(f"{path}: attribute sounder is missing or not JSON; expected a sounder description") from None
     return Sounder.from_tables(tables, f"{path}: attribute sounder")

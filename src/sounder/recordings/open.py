@@ -1,7 +1,8 @@
-"""Readers: one file a format; the native one here, others through entry points of the group ``sounder.readers``.
+"""Opening a recording in any known format.
 
-A reader is a module with ``is_format(path) -> bool`` and ``recordings(path, sounder=None) -> list[Recording]``.
-Files that follow no known format are read by saying how they are laid out: :mod:`sounder.recordings.foreign`.
+A reader is a module with ``is_format(path) -> bool`` and ``recordings(path, sounder=None) -> list[Recording]``. Readers
+are found through the entry point group ``sounder.readers``; the native reader is always there. Files in no known format
+are read with a layout: :mod:`sounder.recordings.foreign`.
 """
 
 from importlib.metadata import entry_points
@@ -17,7 +18,7 @@ from sounder.recordings.recording import Recording
 
 
 def open_recordings(path: Path | str, sounder: Sounder | None = None) -> list[Recording]:
-    """Open a file in any format that a reader knows; no sample is read.
+    """Open a recording in any format that a reader knows. No sample is read.
 
     Parameters
     ----------
@@ -29,12 +30,12 @@ def open_recordings(path: Path | str, sounder: Sounder | None = None) -> list[Re
     Returns
     -------
     list of Recording
-        One a position.
+        One for each position.
 
     Raises
     ------
     DataError
-        No such file, or no reader knows it.
+        There is no such file, or no reader knows its format.
     """
     path = Path(path)
     require_file(path)
@@ -42,10 +43,10 @@ def open_recordings(path: Path | str, sounder: Sounder | None = None) -> list[Re
         if reader.is_format(path):
             found: list[Recording] = reader.recordings(path, sounder)
             return found
-    if (what := native.what_else(path)) is not None:
-        raise DataError(f"{path}: is a {what}, not a recording")
+    if (what := native.other_kind(path)) is not None:
+        raise DataError(f"{path}: holds a {what}, not a recording")
     if path.suffix != ".mat" and not is_hdf5(path):
         raise DataError(
-            f"{path}: not an HDF5 file; expected a recording in HDF5, or in MATLAB's format with --layout FILE"
+            f"{path}: not an HDF5 file; expected a recording in HDF5, or a MATLAB file (.mat) with --layout FILE"
         )
-    raise DataError(f"{path}: not a recording of a known format; say how it is laid out with --layout FILE")
+    raise DataError(f"{path}: not a recording of a known format; describe its layout with --layout FILE")

@@ -1,4 +1,4 @@
-"""Raw captures of one position, and of the back-to-back connection; nothing is read until it is asked for."""
+"""Raw captures of one position and of the back-to-back connection. Captures are read when they are needed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,33 +21,54 @@ CLIPPED_SHARE = 1e-3
 class Recording:
     """Captures of one position.
 
+    :func:`sounder.open_recordings` opens recordings; :func:`sounder.impulse_responses` processes one.
+
     Attributes
     ----------
     name : str
         Name of the position.
     source : Path
-        File it is read from; inputs are never written to.
+        File that it is read from.
     sounder : Sounder
         The instrument.
     azimuth, elevation : array (azimuth,), (elevation,)
-        Directions the horn looked at [degree].
+        Pointing directions of the horn: azimuth counter-clockwise from east, elevation above the horizon [degree].
     snapshots : int
-        Captures a direction.
+        Captures for each direction.
     tx_position, rx_position : array (3,)
-        East, north, up [m].
+        Positions of the antennas, east, north, up [m].
     scale_factor : float
-        Amplitude of one LSB [sqrt(mW) at the receive antenna's port].
+        Amplitude of one LSB at the port of the receive antenna [sqrt(mW)].
     agc_gain : array (azimuth, elevation)
-        Receiver gain over its setting in the back-to-back capture [dB].
+        Receiver gain relative to the back-to-back captures [dB].
     valid : array (azimuth, elevation)
         False where the direction was not recorded.
     los : int
-        1 line of sight, 0 none, -1 not known.
+        1 for line of sight, 0 for none, -1 if not known.
     time : array (azimuth, elevation) or None
         Time of the first snapshot [s since 1970-01-01 UTC].
     read : callable
         ``read(azimuth_index, elevation_index, snapshots)`` returns int16 ``(snapshot, sample, iq)`` or complex64
         ``(snapshot, sample)`` for a slice of snapshots.
+
+    Examples
+    --------
+    A recording need not come from a file; here every capture is silent:
+
+    >>> import numpy as np
+    >>> import sounder
+    >>> from sounder import shipped
+    >>> instrument = sounder.load_sounder(shipped.calibration("sounder-132ghz.toml"))
+    >>> silent = sounder.Recording(
+    ...     name="RX1", source=shipped.calibration(), sounder=instrument, azimuth=np.array([0.0, 10.0]),
+    ...     elevation=np.array([0.0]), snapshots=2, tx_position=np.zeros(3), rx_position=np.array([20.0, 0.0, 1.5]),
+    ...     scale_factor=1e-6, agc_gain=np.zeros((2, 1)), valid=np.ones((2, 1), bool), los=-1, time=None,
+    ...     read=lambda a, e, snapshots: np.zeros((2, 1022, 2), np.int16)[snapshots],
+    ... )
+    >>> silent.captures(0, 0).shape
+    (2, 1022, 2)
+    >>> len(silent.missing)  # directions of the scan that were not recorded
+    106
     """
 
     name: str
@@ -66,12 +87,12 @@ class Recording:
     read: Callable[[int, int, slice], Captures] = field(repr=False)
 
     def captures(self, azimuth_index: int, elevation_index: int, snapshots: slice = slice(None)) -> Captures:
-        """Read captures of one direction: int16 (snapshot, sample, iq) or complex64 (snapshot, sample)."""
+        """Read the captures of one direction: int16 (snapshot, sample, iq) or complex64 (snapshot, sample)."""
         return self.read(azimuth_index, elevation_index, snapshots)
 
     @property
     def missing(self) -> list[tuple[float, float]]:
-        """Directions of the description's scan that were not recorded, as (azimuth, elevation) [degree]."""
+        """Directions of the described scan that were not recorded, as (azimuth, elevation) [degree]."""
         have = {
             (round(float(a) % 360, 6), round(float(e), 6))
             for i, a in enumerate(self.azimuth)
@@ -85,7 +106,9 @@ class Recording:
 
 @dataclass(frozen=True)
 class BackToBack:
-    """Captures with the antennas replaced by an attenuator; they hold the instrument's own response.
+    """Captures with an attenuator in place of the antennas. They hold the response of the instrument itself.
+
+    :func:`sounder.recordings.native.back_to_back` reads one; :func:`sounder.calibrate` makes the de-embedding filter.
 
     Attributes
     ----------
@@ -97,13 +120,21 @@ class BackToBack:
     scale_factor : float
         Amplitude of one LSB [sqrt(mW)].
     attenuation : float
-        Loss of the attenuator [dB]; used where ``s21`` is None.
+        Loss of the attenuator [dB]; used if ``s21`` is None.
     s21 : tuple of arrays (frequency,), (frequency,) or None
-        Frequency [Hz] and complex transmission of the attenuator, where it was measured.
+        Frequency [Hz] and complex transmission of the attenuator, if it was measured.
     includes_tx_antenna : bool
-        True if the level already counts the transmit antenna's gain (referred to the EIRP).
+        True if the level already includes the gain of the transmit antenna, that is, refers to the EIRP.
     title : str
-        What it is, one line.
+        One line.
+
+    Examples
+    --------
+    >>> from sounder import shipped
+    >>> from sounder.recordings.native import back_to_back
+    >>> b2b = back_to_back(shipped.calibration("back-to-back-132ghz.h5"))
+    >>> b2b.sounder.name, round(b2b.attenuation, 2), b2b.captures.shape[1:]
+    ('132 GHz rotating-horn sounder', 60.08, (1022, 2))
     """
 
     source: Path
@@ -127,22 +158,23 @@ def clipped_share(captures: Captures) -> float:
     """
     if captures.dtype != np.int16:
         return 0.0
-    return np.count_nonzero((captures == -(2**15)) | (captures == 2**15 - 1)) / captures.size
+    return float(np.mean((captures == -(2**15)) | (captures == 2**15 - 1)))
 
 
 def check(recording: Recording, samples: int) -> None:
-    """Refuse a recording that cannot be processed.
+    """Raise an error for a recording that cannot be processed.
 
     Parameters
     ----------
     recording : Recording
     samples : int
-        Samples a capture found in the file.
+        Samples in each capture of the file.
 
     Raises
     ------
     DataError
-        The sample count is not the description's, a position is not finite, TX and RX coincide, or there is no capture.
+        The number of samples is not the described one, a position is not finite, TX and RX coincide, or there is no
+        capture.
     """
     who = f"{recording.source}: {recording.name}" if recording.name else str(recording.source)
     waveform = recording.sounder.waveform
@@ -150,12 +182,12 @@ def check(recording: Recording, samples: int) -> None:
         raise DataError(
             f"{recording.source}: {samples} samples a capture, but {recording.sounder.name} describes "
             f"{waveform.samples} (order {waveform.order}, {waveform.samples_per_chip} samples a chip); "
-            "pass --sounder or re-export the recording"
+            "pass its description with --sounder or export the recording again"
         )
     if recording.snapshots < 1:
-        raise DataError(f"{who}: no snapshot; expected at least one capture a direction")
+        raise DataError(f"{who}: no snapshot; expected at least one for each direction")
     for label, position in (("tx_position", recording.tx_position), ("rx_position", recording.rx_position)):
         if not np.isfinite(position).all():
-            raise DataError(f"{who}: {label} is {position.tolist()}; expected three finite metres")
+            raise DataError(f"{who}: {label} is {position.tolist()}; expected three finite numbers [m]")
     if np.allclose(recording.tx_position, recording.rx_position):
         raise DataError(f"{who}: tx_position equals rx_position {recording.rx_position.tolist()}; expected two places")

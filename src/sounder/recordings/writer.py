@@ -1,4 +1,4 @@
-"""Writing the toolkit's own recording file, which `sounder.recordings.native` reads."""
+"""Writer of native recordings, which `sounder.recordings.native` reads."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,21 +15,21 @@ from sounder.recordings.recording import BackToBack, Recording
 
 
 def write_recording(recording: Recording, target: Path, *, history: str) -> None:
-    """Write a recording as a native file, direction by direction.
+    """Write a native recording, direction by direction.
 
     Parameters
     ----------
     recording : Recording
         From any reader or from the twin.
     target : Path
-        The file; appears whole or not at all.
+        The file. It is written completely or not at all.
     history : str
-        The step that made it.
+        The command that makes it, stored in the file.
 
     Raises
     ------
     DataError
-        The captures are not int16, which the native file keeps them in.
+        The captures are not int16; a native recording holds nothing else.
     """
     inputs = [recording.source] if recording.source.is_file() else []
     with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
@@ -61,14 +61,14 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
             captures = recording.captures(int(a), int(e))
             if captures.dtype != np.int16:
                 raise DataError(
-                    f"{recording.source}: samples are {captures.dtype}; a native recording keeps int16: "
+                    f"{recording.source}: samples are {captures.dtype}; a native recording holds int16; "
                     "process the file with its layout instead"
                 )
             iq[int(a), int(e)] = captures
 
 
 def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: Iterable[Path] = ()) -> None:
-    """Write a back-to-back recording as a native file, whole or not at all."""
+    """Write a native back-to-back recording, completely or not at all."""
     with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
         file.attrs.update(provenance(b2b.title, history, inputs=inputs))
         file.attrs["kind"] = BACK_TO_BACK
@@ -89,7 +89,7 @@ def _dataset(file: h5py.File, name: str, dims: tuple[str, ...], data: NDArray[An
 
 
 def _describe(dataset: h5py.Dataset, dims: tuple[str, ...], units: str, long_name: str) -> None:
-    # Labels, no netCDF dimensions: the samples share their name with an axis, for which netCDF has no place.
+    # Labels, not netCDF dimensions: netCDF has no variable that shares its name with one of several axes, as iq does.
     for axis, label in enumerate(dims):
         dataset.dims[axis].label = label
     dataset.attrs.update({"units": units, "long_name": long_name})

@@ -34,12 +34,12 @@ def spoil(path: Path, what: str) -> None:
     [
         (
             "samples",
-            "200 samples a capture, but small sounder describes 254 (order 7, 2 samples a chip); pass --sounder",
+            "200 samples a capture, but small sounder describes 254 (order 7, 2 samples a chip); pass",
         ),
-        ("nan", "RX1: rx_position is [12.0, nan, 1.5]; expected three finite metres"),
+        ("nan", "RX1: rx_position is [12.0, nan, 1.5]; expected three finite numbers [m]"),
         ("same", "RX1: tx_position equals rx_position [4.0, 5.0, 3.0]; expected two places"),
         ("zero", "RX1: all samples are zero, in all directions; record the position again"),
-        ("damaged", "no iq in the file"),
+        ("damaged", "the file has no iq"),
     ],
 )
 def test_a_bad_recording_is_named_and_the_rest_processed(copied, what, told, capsys):
@@ -63,7 +63,7 @@ def test_what_is_no_recording_is_named(copied, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == f"{absent}: no such file"
     assert lines[1].startswith(
-        f"{text}: not an HDF5 file; expected a recording in HDF5, or in MATLAB's format with --lay"
+        f"{text}: not an HDF5 file; expected a recording in HDF5, or a MATLAB file (.mat) with --lay"
     )
     assert [line.split(": ")[0] for line in lines] == [str(absent), str(text), str(b2b)]
     assert names(out) == ["RX2.h5"]
@@ -72,7 +72,7 @@ def test_what_is_no_recording_is_named(copied, capsys):
 def test_what_is_not_hdf5_is_told_without_advice_that_was_followed(copied, joined, capsys):
     text, layout = copied / "text.h5", joined.with_name("layout.toml")
     text.write_text("not HDF5")
-    told = f"{text}: not an HDF5 file; expected HDF5 as the layout tells, or MATLAB's format in a file named .mat\n"
+    told = f"{text}: not an HDF5 file; expected an HDF5 file, or a MATLAB file named .mat\n"
     for command in (("process", text, "--out", copied / "out"), ("info", text)):
         assert run(*command, "--layout", layout) == 1
         assert capsys.readouterr().err == told

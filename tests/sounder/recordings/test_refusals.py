@@ -14,8 +14,8 @@ from .files import IQ, edit
 @pytest.mark.parametrize(
     ("datasets", "told"),
     [
-        ({"iq": None}, "no iq in the file; expected a recording as docs/formats.md describes"),
-        ({"rx_position": None, "azimuth": None}, "no azimuth, rx_position in the file"),
+        ({"iq": None}, "the file has no iq; expected a recording as described in docs/formats.md"),
+        ({"rx_position": None, "azimuth": None}, "the file has no azimuth, rx_position"),
         (
             {"iq": IQ[:2]},
             "iq is int16 (2, 2, 3, 254, 2); expected int16 (3 azimuths, 2 elevations, snapshot, sample, 2)",
@@ -25,16 +25,19 @@ from .files import IQ, edit
         (
             {"iq": IQ[:, :, :, :250]},
             "250 samples a capture, but 132 GHz rotating-horn sounder describes 254 (order 7, 2 samples a chip); pass "
-            "--sounder or re-export the recording",
+            "its description with --sounder or export the recording again",
         ),
-        ({"rx_position": [[1.0, np.nan, 2.0]]}, "P 1: rx_position is [1.0, nan, 2.0]; expected three finite metres"),
+        (
+            {"rx_position": [[1.0, np.nan, 2.0]]},
+            "P 1: rx_position is [1.0, nan, 2.0]; expected three finite numbers [m]",
+        ),
         ({"rx_position": [[1.0, 2.0]]}, "rx_position has 2 numbers; expected 3"),
         (
             {"rx_position": [[1.0, 2.0, 3.0]], "tx_position": [[1.0, 2.0, 3.0]]},
             "P 1: tx_position equals rx_position [1.0, 2.0, 3.0]; expected two places",
         ),
-        ({"azimuth": [0.0, 200.0, 90.0]}, "azimuth does not rise"),
-        ({"elevation": [0.0, np.nan]}, "elevation does not rise; expected finite values in rising order"),
+        ({"azimuth": [0.0, 200.0, 90.0]}, "azimuth is not in ascending order"),
+        ({"elevation": [0.0, np.nan]}, "elevation is not in ascending order; expected finite ascending values"),
         ({"valid": np.ones((2, 3))}, "valid has shape (2, 3); expected (azimuth, elevation), (3, 2)"),
         ({"agc_gain": np.full((3, 2), np.inf)}, "agc_gain is not finite in every recorded direction"),
         ({"iq": IQ[:, :, :0]}, "no snapshot"),
@@ -53,9 +56,9 @@ def test_what_does_not_fit_is_told_in_one_line(path, datasets, told):
 @pytest.mark.parametrize(
     ("attribute", "value", "told"),
     [
-        ("sounder", "{", "no readable sounder description"),
+        ("sounder", "{", "expected a sounder description"),
         ("sounder", '{"name": "x"}', "attribute sounder: waveform: missing; "),
-        ("kind", "something", "not a recording of a known format; say how it is laid out with --layout FILE"),
+        ("kind", "something", "not a recording of a known format; describe its layout with --layout FILE"),
     ],
 )
 def test_attributes_that_do_not_fit_are_told(path, attribute, value, told):
@@ -73,7 +76,7 @@ def test_a_recording_without_a_scale_is_refused(path, scale):
         del file["iq"].attrs["scale_factor"]
         if scale is not None:
             file["iq"].attrs["scale_factor"] = scale
-    with pytest.raises(DataError, match="expected the positive amplitude of one LSB"):
+    with pytest.raises(DataError, match="expected the amplitude of one LSB, a positive number"):
         open_recordings(path)
 
 

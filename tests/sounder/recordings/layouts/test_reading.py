@@ -34,7 +34,7 @@ def test_a_position_that_cannot_be_used_leaves_the_others(opened):
     assert "foreign-01: tx_position equals rx_position" in str(found[1])
     layout = PLAIN.replace("rx = [[31, -46, 1.4], [32, -50, 1.5]]", 'rx = { dataset = "rx" }')
     found, _ = opened({"raw": IQ, "rx": [[np.nan, 0, 0], [1, 2, 3]]}, layout)
-    assert "foreign-00: rx_position is [nan, 0.0, 0.0]; expected three finite metres" in str(found[0])
+    assert "foreign-00: rx_position is [nan, 0.0, 0.0]; expected three finite numbers [m]" in str(found[0])
     assert isinstance(found[1], Recording)
 
 
