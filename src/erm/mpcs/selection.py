@@ -32,6 +32,11 @@ DIRECT_DELAY = 1e-9  # s; below this excess a face is tangent to the direct path
 DIRECT_AZIMUTH = 5.0  # degree; half a beam
 SURELY_LONGER = 3.0  # standard errors by which a path must be longer than the direct one
 ELEVATION_TOLERANCE = 3.0  # degree beyond the errors; a scan of few elevations is biased at its edge
+FACE_COLUMNS = (
+    *("normal", "offset", "tilt", "tilt_std", "grazing"),
+    *("reflection_point", "point_covariance", "line_covariance"),
+)
+"""Columns of `with_faces`."""
 
 
 def select(

@@ -4,21 +4,25 @@ A sounder that repeats its sequence knows delays modulo the period only. A path 
 stands in the table at a wrong delay; whether it does, only geometry can tell.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from erm.common.constants import c
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.elevation import gain_given, of_vertical_faces
-from erm.mpcs.selection import GAIN_EXCESS, fits_vertical_face, reflection_loss, with_faces
+from erm.mpcs.selection import FACE_COLUMNS, GAIN_EXCESS, fits_vertical_face, reflection_loss, with_faces
 from erm.reconstruction.decision.decide import LEAST_ODDS
 from erm.reconstruction.model.fit import fit_line, misfit
 from erm.reconstruction.model.line import Line, seed_line
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.model.ragged import concatenated
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.false_alarm import odds_against_chance
 from erm.reconstruction.search.greedy import Group
+from erm.reconstruction.search.search import joined
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,9 +30,64 @@ if TYPE_CHECKING:
 FEWEST = 3  # links; two agree on some wall whatever their delays
 TELLING = 13.8  # chi-squared by which another number of periods must fit worse; odds of a thousand
 MOST = 2  # periods; what is longer is weaker than any sounder hears
+CHANGED = ("delay", "reflection_loss", "reflection_loss_std", *FACE_COLUMNS)
 
 
-def later(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", IntArray]:
+def with_later(
+    table: "xr.Dataset", measured: Paths, free: BoolArray, paths: Paths, groups: list[Group], min_support: int
+) -> tuple[Paths, list[Group], "xr.Dataset"]:
+    """The paths and, after them, those that agree with others if their delays wrapped; and the rows of the latter.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        Selected components, from `erm.mpcs.selection.select`.
+    measured : Paths
+        All of them.
+    free : array (mpc,) of bool
+        Those that are neither a direct path nor off the ground.
+    paths, groups : Paths, list of Group
+        Those that were searched, and what they agree on.
+    """
+    free = free.copy()
+    for group in groups:
+        free[paths.row[group.members]] = False
+    longer, row = _later(table, free)
+    count = len(paths)
+    if len(row) < min_support:
+        return paths, groups, longer.isel(mpc=slice(0))
+    hypotheses = replace(Paths.from_table(longer), row=row, transmitter=measured.transmitter[row])
+    both = Paths.concatenate([measured.take(paths.row), hypotheses])
+    both, grown = joined(paths, groups, both, np.arange(count), min_support)
+    period = np.r_[np.zeros(count), longer["wrap_period"].values * c]
+    groups = _with_hypotheses(both, groups, grown, period, min_support)
+    members = concatenated(group.members for group in groups)
+    used = np.unique(members[members >= count])
+    kept = np.r_[np.arange(count), used]
+    groups = [Group(group.line, np.searchsorted(kept, group.members)) for group in groups]
+    return both.take(kept), groups, longer.isel(mpc=used - count)
+
+
+def unwrapped(
+    table: "xr.Dataset", measured: Paths, longer: "xr.Dataset", walls: Sequence[Wall], count: int
+) -> tuple["xr.Dataset", Paths]:
+    """The table and its paths, with the delays of ``longer`` where walls took these: paths from ``count`` on."""
+    periods = np.zeros(table.sizes["mpc"], dtype=np.int64)
+    wrapped = [wall.members >= count for wall in walls]
+    rows = concatenated(wall.paths.row[late] for wall, late in zip(walls, wrapped, strict=True))
+    if not len(rows):
+        return table.assign(periods=("mpc", periods)), measured
+    chosen = longer.isel(
+        mpc=concatenated(wall.members[late] for wall, late in zip(walls, wrapped, strict=True)) - count
+    )
+    periods[rows] = np.round((chosen["delay"].values - table["delay"].values[rows]) / chosen["wrap_period"].values)
+    table = table.assign(periods=("mpc", periods)).assign({name: table[name].copy() for name in CHANGED})
+    for name in CHANGED:
+        table[name].values[rows] = chosen[name].values
+    return table, Paths.from_table(table)
+
+
+def _later(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", IntArray]:
     """Components as they are if their delays are too short by one or more periods.
 
     Parameters
@@ -46,21 +105,20 @@ def later(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", IntArray]
     row : array (mpc,) of int
         Row of the table of each.
     """
-    import xarray as xr
-
-    rows = np.flatnonzero(free & np.isfinite(table["wrap_period"].values))
-    one = table.isel(mpc=rows)
-    periods = [one.assign(delay=one["delay"] + k * one["wrap_period"]) for k in range(1, MOST + 1)]
-    longer, row = with_faces(xr.concat(periods, dim="mpc")), np.tile(rows, MOST)
+    once = np.flatnonzero(free & np.isfinite(table["wrap_period"].values))
+    rows = np.tile(once, MOST)
+    longer = table.isel(mpc=rows)
+    longer = longer.assign(delay=longer["delay"] + np.repeat(np.arange(1, MOST + 1), len(once)) * longer["wrap_period"])
+    longer = with_faces(longer)
     gain, std = gain_given(longer, of_vertical_faces(longer))
     loss = reflection_loss(longer) + longer["path_gain"].values - gain
     longer = longer.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
     possible = (loss + 2 * std > -GAIN_EXCESS) & (loss <= table.attrs["max_reflection_loss"])
     kept = np.flatnonzero(possible & fits_vertical_face(longer))
-    return longer.isel(mpc=kept), row[kept]
+    return longer.isel(mpc=kept), rows[kept]
 
 
-def with_later(
+def _with_hypotheses(
     paths: Paths, groups: list[Group], grown: list[Group], period: FloatArray, min_support: int
 ) -> list[Group]:
     """Groups with the later paths that agree with them, and new ones that these make.

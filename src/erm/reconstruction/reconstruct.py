@@ -1,26 +1,24 @@
 """From selected components to a map: common images found, walls told from chains of bounces, extents measured."""
 
-from dataclasses import replace
 from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from erm.common.constants import c
-from erm.geometry.vertical import distinct_rows
 from erm.maps.environment import Environment
 from erm.mpcs.reasons import Reason
-from erm.mpcs.selection import fits_vertical_face, rise
-from erm.mpcs.table import path_length
+from erm.mpcs.selection import fits_vertical_face
 from erm.reconstruction.assemble import assemble
 from erm.reconstruction.decision.adjust import adjusted
 from erm.reconstruction.decision.decide import Verdict, decide
 from erm.reconstruction.decision.pieces import Links
-from erm.reconstruction.delay_wraps import later, with_later
+from erm.reconstruction.delay_wraps import unwrapped, with_later
 from erm.reconstruction.model.extent import Legs
-from erm.reconstruction.model.paths import IntArray, Paths
+from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.model.ragged import concatenated
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.poles.poles import Pole, find_poles
+from erm.reconstruction.poles.poles import find_poles
 from erm.reconstruction.search.bent_facades import unbent
 from erm.reconstruction.search.consensus import find_groups
 from erm.reconstruction.search.greedy import Group
@@ -28,11 +26,6 @@ from erm.reconstruction.search.search import joined, search
 
 if TYPE_CHECKING:
     import xarray as xr
-
-OF_PATHS = (
-    *("tx_position", "rx_position", "delay", "azimuth", "elevation", "delay_std", "azimuth_std", "elevation_std"),
-    *("link", "reflection_loss", "reflection_loss_std", "frequency"),
-)
 
 
 def reconstruct(
@@ -67,18 +60,21 @@ def reconstruct(
         are no longer accepted and say why. Attributes ``delay_std`` [s] and ``azimuth_std`` [degree] are the median
         errors that the residuals agree with.
     """
+    measured = Paths.from_table(table)
     rows = np.flatnonzero(table["accepted"].values)
-    certain = rows[table["reflection_loss"].values[rows] <= table.attrs["max_reflection_loss"]]
+    certain = rows[measured.loss[rows] <= table.attrs["max_reflection_loss"]]
     known = table["errors_known"].values[certain]
     before = None if start is None else start[certain]
-    paths, groups = search(paths_of(table, certain), known, min_support, table.attrs.get("errors_count", 0), before)
+    count = table.attrs.get("errors_count", 0)
+    paths, groups = search(measured.take(certain), known, min_support, count, before)
     if len(certain) < len(rows):
-        paths, groups = joined(paths, groups, paths_of(table, rows), np.searchsorted(rows, certain), min_support)
+        paths, groups = joined(paths, groups, measured.take(rows), np.searchsorted(rows, certain), min_support)
     sure, as_measured = len(paths), len(groups)
-    paths, groups, longer = _with_later(table, paths, groups, min_support)
+    free = ~np.isin(table["reason"].values, (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION))
+    paths, groups, longer = with_later(table, measured, free, paths, groups, min_support)
     left = np.zeros(len(paths), dtype=bool)
     left[np.searchsorted(rows, certain)] = True  # the others make no wall longer
-    left[np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])] = False
+    left[concatenated(group.members for group in groups)] = False
     straight = unbent(paths, groups[:as_measured], left, min_support)
     groups, as_measured = straight + groups[as_measured:], len(straight)
 
@@ -88,16 +84,17 @@ def reconstruct(
 
     verdict = decided()
     # what is not believed of delays that nobody measured is no evidence about the others either
-    taken = np.concatenate([np.empty(0, dtype=np.int64), *(wall.members for wall in verdict.walls)])
+    taken = concatenated(wall.members for wall in verdict.walls)
     believed = [n < as_measured or bool(np.isin(group.members, taken).all()) for n, group in enumerate(groups)]
     if not all(believed):
         groups = list(compress(groups, believed))
         verdict = decided()
-    table = _unwrapped(table, longer, verdict.walls, sure)
-    verdict, chains = _adjusted(table, verdict, paths, max_gap)
+    table, measured = unwrapped(table, measured, longer, verdict.walls, sure)
+    verdict, chains = _adjusted(table, measured, verdict, paths, max_gap)
     in_line = [*verdict.walls, *(wall for wall, why in verdict.rejected if why != Reason.CHANCE)]
     taken = np.concatenate([chains, *(wall.paths.row for wall in in_line)])
-    poles, of_poles = _poles(table, taken, verdict.walls, min_support)
+    of_poles = measured.take(_off_poles(table, taken))
+    poles = find_poles(of_poles, verdict.walls, min_support)
     environment, enriched = assemble(verdict, chains, poles, of_poles, table)
     image = np.full(table.sizes["mpc"], -1)
     for number, group in enumerate(groups):
@@ -109,47 +106,9 @@ def reconstruct(
     return environment, enriched
 
 
-def _with_later(
-    table: "xr.Dataset", paths: Paths, groups: list[Group], min_support: int
-) -> tuple[Paths, list[Group], "xr.Dataset"]:
-    """The paths and, after them, those that agree with others if their delays wrapped; and the rows of the latter."""
-    import xarray as xr
-
-    free = ~np.isin(table["reason"].values, (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION))
-    for group in groups:
-        free[paths.row[group.members]] = False
-    longer, row = later(table, free)
-    count = len(paths)
-    if len(row) < min_support:
-        return paths, groups, longer.isel(mpc=slice(0))
-    both = paths_of(xr.concat([table, longer], dim="mpc"), np.r_[paths.row, table.sizes["mpc"] + np.arange(len(row))])
-    both = replace(both, row=np.r_[paths.row, row])
-    both, grown = joined(paths, groups, both, np.arange(count), min_support)
-    period = np.r_[np.zeros(count), longer["wrap_period"].values * c]
-    groups = with_later(both, groups, grown, period, min_support)
-    members = np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])
-    used = np.unique(members[members >= count])
-    kept = np.r_[np.arange(count), used]
-    groups = [Group(group.line, np.searchsorted(kept, group.members)) for group in groups]
-    return both.take(kept), groups, longer.isel(mpc=used - count)
-
-
-def _unwrapped(table: "xr.Dataset", longer: "xr.Dataset", walls: list[Wall], count: int) -> "xr.Dataset":
-    """The table with rows of ``longer`` in place of those that walls took from there: paths from ``count`` on."""
-    import xarray as xr
-
-    source = np.arange(table.sizes["mpc"])
-    if not longer.sizes["mpc"]:
-        return table.assign(periods=("mpc", np.zeros_like(source)))
-    for wall in walls:
-        wrapped = wall.members >= count
-        source[wall.paths.row[wrapped]] = table.sizes["mpc"] + wall.members[wrapped] - count
-    chosen = xr.concat([table, longer], dim="mpc").isel(mpc=source)
-    periods = np.round((chosen["delay"].values - table["delay"].values) / table["wrap_period"].values)
-    return chosen.assign(periods=("mpc", np.nan_to_num(periods).astype(np.int64)))
-
-
-def _adjusted(table: "xr.Dataset", verdict: Verdict, paths: Paths, max_gap: float) -> tuple[Verdict, IntArray]:
+def _adjusted(
+    table: "xr.Dataset", measured: Paths, verdict: Verdict, paths: Paths, max_gap: float
+) -> tuple[Verdict, IntArray]:
     """Walls fitted to the chains of bounces off them, too; and the rows of these, however much they lost.
 
     Not where receivers are uncertain: what these are off by is in a wall's own path and in the chains alike.
@@ -158,30 +117,24 @@ def _adjusted(table: "xr.Dataset", verdict: Verdict, paths: Paths, max_gap: floa
         return verdict, np.empty(0, dtype=np.int64)
     nowhere = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT)
     free = ~np.isin(table["reason"].values, nowhere) & fits_vertical_face(table)
-    free[np.concatenate([np.empty(0, dtype=np.int64), *(wall.paths.row for wall in verdict.walls)])] = False
-    rest = paths_of(table, np.flatnonzero(free))
-    widened = (
-        std * float(np.median(of / table[name].values[paths.row] / unit)) if len(paths) else std
-        for std, of, name, unit in (
-            (rest.length_std, paths.length_std, "delay_std", c),
-            (rest.azimuth_std, paths.azimuth_std, "azimuth_std", 1.0),
-        )
-    )
-    walls, rows = adjusted(verdict.walls, rest.with_errors(*widened), max_gap)
+    free[concatenated(wall.paths.row for wall in verdict.walls)] = False
+    rest = measured.take(free)
+    if len(paths):
+        length = float(np.median(paths.length_std / measured.length_std[paths.row]))
+        azimuth = float(np.median(paths.azimuth_std / measured.azimuth_std[paths.row]))
+        rest = rest.with_errors(rest.length_std * length, rest.azimuth_std * azimuth)
+    walls, rows = adjusted(verdict.walls, rest, max_gap)
     return verdict._replace(walls=walls), rows
 
 
-def _poles(table: "xr.Dataset", taken: IntArray, walls: list[Wall], min_support: int) -> tuple[list[Pole], Paths]:
-    """Poles among the components that no wall and no chain has, and these components."""
-    gain = table["path_gain"].values
-    strongest = np.full(table["cluster"].values.max(initial=-1) + 1, -np.inf)
-    np.maximum.at(strongest, table["cluster"].values, gain)
-    possible = np.isin(table["reason"].values, (Reason.ACCEPTED, Reason.LOSS)) & (
-        gain == strongest[table["cluster"].values]
-    )
+def _off_poles(table: "xr.Dataset", taken: IntArray) -> BoolArray:
+    """Components (mpc,) that may be off poles: of each cluster the strongest, if no wall and no chain has it."""
+    gain, cluster = table["path_gain"].values, table["cluster"].values
+    strongest = np.full(cluster.max(initial=-1) + 1, -np.inf)
+    np.maximum.at(strongest, cluster, gain)
+    possible = np.isin(table["reason"].values, (Reason.ACCEPTED, Reason.LOSS)) & (gain == strongest[cluster])
     possible[taken] = False
-    paths = paths_of(table, np.flatnonzero(possible & fits_vertical_face(table)))
-    return find_poles(paths, walls, min_support), paths
+    return possible & fits_vertical_face(table)
 
 
 def _witnesses(paths: Paths, groups: list[Group]) -> list[Wall]:
@@ -204,26 +157,3 @@ def _links(table: "xr.Dataset") -> Links:
     """All antenna pairs."""
     _, first = np.unique(table["link"].values, return_index=True)
     return Links(table["tx_position"].values[first], table["rx_position"].values[first])
-
-
-def paths_of(table: "xr.Dataset", rows: IntArray) -> Paths:
-    """Return the accepted rows as arrays, in an order that neither frame nor row numbers decide."""
-    chosen = table[list(OF_PATHS)].isel(mpc=rows)
-    length, loss = path_length(chosen), chosen["reflection_loss"].values
-    tx = chosen["tx_position"].values
-    return Paths(
-        tx=tx,
-        rx=chosen["rx_position"].values,
-        length=length,
-        azimuth=chosen["azimuth"].values,
-        length_std=chosen["delay_std"].values * c,
-        azimuth_std=chosen["azimuth_std"].values,
-        link=chosen["link"].values,
-        transmitter=distinct_rows(tx)[1],
-        loss=loss,
-        loss_std=chosen["reflection_loss_std"].values,
-        wavelength=c / chosen["frequency"].values,
-        rise=rise(chosen),
-        rise_std=chosen["elevation_std"].values,
-        row=rows,
-    )

@@ -1,13 +1,20 @@
 """Measured paths as plain arrays."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from erm.geometry.vertical import FloatArray, virtual_anchor
+from erm.common.constants import c
+from erm.geometry.vertical import FloatArray, distinct_rows, virtual_anchor
+from erm.mpcs.selection import rise
+from erm.mpcs.table import path_length
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
@@ -71,6 +78,32 @@ class Paths:
     rise: FloatArray
     rise_std: FloatArray
     row: IntArray
+
+    @classmethod
+    def from_table(cls, table: "xr.Dataset") -> "Paths":
+        """Return all MPCs of a table of `erm.mpcs.selection.select`, in its order."""
+        tx = table["tx_position"].values
+        return cls(
+            tx=tx,
+            rx=table["rx_position"].values,
+            length=path_length(table),
+            azimuth=table["azimuth"].values,
+            length_std=table["delay_std"].values * c,
+            azimuth_std=table["azimuth_std"].values,
+            link=table["link"].values,
+            transmitter=distinct_rows(tx)[1],
+            loss=table["reflection_loss"].values,
+            loss_std=table["reflection_loss_std"].values,
+            wavelength=c / table["frequency"].values,
+            rise=rise(table),
+            rise_std=table["elevation_std"].values,
+            row=np.arange(table.sizes["mpc"]),
+        )
+
+    @classmethod
+    def concatenate(cls, parts: Sequence["Paths"]) -> "Paths":
+        """Return the paths of several parts, one after another."""
+        return cls(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(cls)))
 
     def __len__(self) -> int:
         return len(self.length)

@@ -1,6 +1,6 @@
 """Many lists in one array: what each of many lines, links or points has, so that all are worked on in one go."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,15 +33,14 @@ class Ragged:
     def of_lists(cls, lists: list[IntArray]) -> "Ragged":
         """Return lists as one."""
         start = np.cumsum([0, *(len(one) for one in lists)])
-        return cls(np.concatenate([np.empty(0, dtype=np.int64), *lists]), start)
+        return cls(concatenated(lists), start)
 
     @classmethod
     def gathered(cls, owners: list[IntArray], rows: list[IntArray], count: int) -> "Ragged":
         """Return the rows of each of ``count`` owners from parts, in the order of these; owners need not ascend."""
-        nothing = np.empty(0, dtype=np.int64)
-        owner = np.concatenate([nothing, *owners])
+        owner = concatenated(owners)
         order = np.argsort(owner, kind="stable")
-        return cls.of_pairs(owner[order], np.concatenate([nothing, *rows])[order], count)
+        return cls.of_pairs(owner[order], concatenated(rows)[order], count)
 
     def __len__(self) -> int:
         return len(self.start) - 1
@@ -97,6 +96,11 @@ class Ragged:
         edges = np.searchsorted(self.start, np.arange(0, self.start[-1], most))
         edges = np.unique(np.concatenate([edges, [len(self)]])) if len(self) else np.zeros(1, dtype=np.int64)
         return (slice(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+
+def concatenated(lists: Iterable[IntArray]) -> IntArray:
+    """Row numbers of lists one after another; an empty array of none."""
+    return np.concatenate([np.empty(0, dtype=np.int64), *lists])
 
 
 def sums(values: FloatArray, start: IntArray) -> FloatArray:

@@ -84,10 +84,10 @@ def _facade(images: Images, groups: Sequence[Group], first: int, owner: IntArray
     """
     paths, (line, members) = images.paths, groups[first]
     own = paths.take(members)
-    _, of = np.unique(own.transmitter, return_index=True)
+    number, of = np.unique(images.transmitter[members], return_index=True)
     image = anchors(line, own.tx[of])
     level = np.linalg.norm(image - own.rx[of, :2], axis=-1).max() + np.ptp(own.length)
-    near = images.around(image, own.transmitter[of], float(2 * np.deg2rad(TURN) * level + 2 * SHIFT))
+    near = images.around(image, number, float(2 * np.deg2rad(TURN) * level + 2 * SHIFT))
     rows = np.unique(near.rows)
     rows = rows[(owner[rows] != TAKEN) & (owner[rows] != first) & ~np.isin(paths.link[rows], own.link)]
     rays = paths.rays.take(rows)

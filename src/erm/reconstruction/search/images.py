@@ -50,11 +50,12 @@ class Images:
         toward = (self.points - paths.rx[:, :2]) / level[:, None]
         left = np.stack([-toward[:, 1], toward[:, 0]], axis=-1)
         self.covariance = outer(toward * self.along[:, None]) + outer(left * self.across[:, None])
-        self.transmitters = _places(paths)
+        _, first, self.transmitter = np.unique(paths.transmitter, return_index=True, return_inverse=True)
+        self.transmitters = paths.tx[first]
         # transmitters lie apart in a third dimension, so that one tree serves them all
         spread = np.ptp(self.points, axis=0).max() if len(paths) else 0.0
         self.apart = 4.0 * (spread + REACH * self.across.max(initial=0.0) + 1.0)
-        places = np.column_stack([self.points, paths.transmitter * self.apart])
+        places = np.column_stack([self.points, self.transmitter * self.apart])
         self.tree = cKDTree(places)
         self.radius = REACH * float(self.across.max(initial=0.0) + self.along.max(initial=0.0))
         self._spread = self.across**2 + self.along**2
@@ -79,7 +80,7 @@ class Images:
         for number in np.unique(self._layer[rows]):
             own = rows[self._layer[rows] == number]
             most = float(self._spread[own].max())
-            grid = Grid(self.points[own], self.paths.transmitter[own], MARGIN * float(np.sqrt(GATE * most)))
+            grid = Grid(self.points[own], self.transmitter[own], MARGIN * float(np.sqrt(GATE * most)))
             layers.append(Layer(own, most, grid))
         return layers
 
@@ -168,13 +169,6 @@ def within(tree: cKDTree, places: FloatArray, radius: FloatArray | float) -> Rag
 def outer(vector: FloatArray) -> FloatArray:
     """``v v'`` of vectors (..., 2)."""
     return vector[..., :, None] * vector[..., None, :]
-
-
-def _places(paths: Paths) -> FloatArray:
-    """Where (transmitter, 3) each transmitter stood."""
-    places = np.zeros((paths.transmitter.max(initial=-1) + 1, 3))
-    places[paths.transmitter] = paths.tx
-    return places
 
 
 def mahalanobis(apart: FloatArray, covariance: FloatArray) -> FloatArray:

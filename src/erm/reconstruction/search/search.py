@@ -9,7 +9,7 @@ from erm.mpcs.standard_errors import LEAST, scale, widened
 from erm.reconstruction.model.fit import fit_lines, residuals
 from erm.reconstruction.model.line import Lines, seed_lines
 from erm.reconstruction.model.paths import IntArray, Paths
-from erm.reconstruction.model.ragged import Ragged
+from erm.reconstruction.model.ragged import Ragged, concatenated
 from erm.reconstruction.search.consensus import find_groups
 from erm.reconstruction.search.greedy import Group
 
@@ -109,7 +109,7 @@ def _not_longer(paths: Paths, groups: list[Group], sure: npt.NDArray[np.bool_], 
 def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: int, groups: list[Group]) -> Paths | None:
     """The paths with errors that agree with the residuals of groups; None where they do already."""
     white, kept = _white_residuals(paths, groups)
-    members = np.concatenate([np.empty(0, dtype=np.int64), *(group.members for group in groups)])
+    members = concatenated(group.members for group in groups)
     new = []
     for column, (std, start, least) in enumerate(
         (

@@ -35,7 +35,7 @@ def best_starts(images: Images, seeds: IntArray, partners: Ragged, free: BoolArr
     of = partners.owner
     guess = _joint_images(images, seeds[of], partners.rows)
     radius = 2 * REACH * images.across[seeds] + REACH * images.along[seeds]
-    near = images.around(images.points[seeds], paths.transmitter[seeds], radius)
+    near = images.around(images.points[seeds], images.transmitter[seeds], radius)
     near = near.kept(free[near.rows])
     score = np.empty(len(guess))
     owners, seen = [of], [partners.rows]

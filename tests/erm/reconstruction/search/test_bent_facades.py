@@ -9,6 +9,7 @@ from erm.mpcs.selection import select
 from erm.reconstruction import reconstruct as module
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import seed_line
+from erm.reconstruction.model.paths import Paths
 from erm.reconstruction.reconstruct import reconstruct
 from erm.reconstruction.search import bent_facades as bends_of
 from erm.reconstruction.search.bent_facades import unbent
@@ -183,7 +184,7 @@ def test_among_as_many_strays_as_paths_a_facade_is_not_asked_how_many_faces_it_h
     table["delay_std"][:], table["azimuth_std"][:] = DELAY_STD, AZIMUTH_STD
     off = np.arange(8, len(rx))
     table["delay"][off] = table["delay"].values[off] + rng.choice([-1, 1], strays) * rng.uniform(2, 3, strays) * 1e-9
-    paths = module.paths_of(select(table), np.arange(len(rx)))
+    paths = Paths.from_table(select(table))
     free = np.zeros(len(rx), dtype=bool)
     free[off] = True
     divided = []
