@@ -1,4 +1,4 @@
-"""Claim: help in 0.4 s; the first process compiles for at most 6 s, the second starts in at most 1 s."""
+"""Claim: help in 0.4 s; the first process compiles for at most 20 s, the second starts in at most 1 s."""
 
 from harness import conclude  # isort: skip
 
@@ -40,10 +40,10 @@ def main() -> None:
         inside = time.perf_counter() - start
     help_, first, second = (np.median(times) for times in (helps, firsts, seconds))
     print(f"sounder --help               {help_:6.2f} s  (0.4)")
-    print(f"compilation, first process   {first - second:6.2f} s  (6)")
+    print(f"compilation, first process   {first - second:6.2f} s  (20)")
     print(f"start-up, second process     {second - inside:6.2f} s  (1)")
-    worst = max(help_ / 0.4, (first - second) / 6, (second - inside) / 1)
-    conclude("start-up: help 0.4 s, compilation 6 s, second start 1 s (ratio: 1 over the worst)", 1 / worst, None)
+    worst = max(help_ / 0.4, (first - second) / 20, (second - inside) / 1)
+    conclude("start-up: help 0.4 s, compilation 20 s, second start 1 s (ratio: 1 over the worst)", 1 / worst, None)
 
 
 if __name__ == "__main__":

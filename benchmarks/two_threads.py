@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from sounder.kernels.correlation.directions import average_directions
+from sounder.kernels.correlation.captures import Averages
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.kernels.correlation.reference import chip_template
 
@@ -24,14 +24,20 @@ def main() -> None:
     correlator = MSequenceCorrelator(chips, 2)
     pieces = np.split(iq.reshape(-1).view(np.int64), 8)
     pool = ThreadPoolExecutor(2)
+
+    def one() -> list[Averages]:
+        return [correlator.average(direction) for direction in iq]
+
+    def two() -> list[Averages]:
+        return list(pool.map(correlator.average, iq))
+
     runs = {
-        OURS: lambda: average_directions(iq, correlator, threads=2),
+        OURS: two,
         READ: lambda: list(pool.map(read, pieces)),
-        "averages of directions, one thread": lambda: average_directions(iq, correlator, threads=1),
+        "averages of directions, one thread": one,
         "reading only, one thread": lambda: read(iq.reshape(-1).view(np.int64)),
     }
-    one, two = average_directions(iq, correlator, 1), average_directions(iq, correlator, 2)
-    if not all(np.array_equal(a, b) for a, b in zip(one, two, strict=True)):
+    if not np.array_equal([power for _, power in one()], [power for _, power in two()]):
         raise SystemExit("one and two threads do not give the same bits")
     threads = {name: 1 if "one thread" in name else 2 for name in runs}
     times = interleaved(runs, at_least=0.01, threads=threads)

@@ -136,9 +136,6 @@ def process(
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
     require_folder(out)
-    from sounder.kernels.compiler.startup import start_processing
-
-    start_processing()
     from sounder.processing.jobs import gather
     from sounder.processing.pipeline import process
 
@@ -163,9 +160,6 @@ def run(
 
     Positions that were processed before, from the same files with the same options, are not processed again.
     """
-    from sounder.kernels.compiler.startup import start_processing
-
-    start_processing()
     from erm.reconstruction.summary import left_out
     from sounder.campaign.description import load_campaign
     from sounder.campaign.run import REPORT, run_campaign

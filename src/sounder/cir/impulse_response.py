@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from erm.common.errors import DataError
 from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.instrument.waveform import chips
+from sounder.kernels.compiler.compile import processors
 from sounder.kernels.correlation.clipping import count_rails
-from sounder.kernels.correlation.directions import processors
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.options import Averaging
 from sounder.recordings.recording import CLIPPED_SHARE, BackToBack, Captures, Recording, clipped_share

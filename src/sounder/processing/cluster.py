@@ -13,7 +13,7 @@ import xarray as xr
 
 from erm.common.errors import DataError
 from erm.common.storage import clear_leftovers
-from sounder.kernels.correlation.directions import processors
+from sounder.kernels.compiler.compile import processors
 from sounder.options import Options
 from sounder.processing.jobs import Job, Source, reopen
 from sounder.processing.position import Filters, Outcome, process_position
@@ -126,12 +126,12 @@ def _filters() -> Filters:
 def _warm(job: Job) -> None:
     """Compile the kernels here, once, so that the workers find them in the cache."""
     from sounder.instrument.waveform import chips
-    from sounder.kernels.compiler.warm import warm
     from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
     from sounder.mpc.extract import extract
 
     sounder = job.recording.sounder
-    warm(MSequenceCorrelator(chips(sounder.waveform), sounder.waveform.samples_per_chip))
+    correlator = MSequenceCorrelator(chips(sounder.waveform), sounder.waveform.samples_per_chip)
+    correlator.average(np.zeros((1, correlator.samples, 2), np.int16))
     shape = {"azimuth": 1, "elevation": 1, "delay": sounder.waveform.samples}
     coords = {name: np.arange(size) for name, size in shape.items()}
     silence = np.zeros(tuple(shape.values()), np.complex64)

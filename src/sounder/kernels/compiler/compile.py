@@ -24,41 +24,42 @@ from typing import Any, TypeVar
 import llvmlite
 import llvmlite.binding as llvm
 import numba
-
-from sounder.kernels.compiler.lean_pipeline import EntryCompiler, PartCompiler
+from numba.extending import overload
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 # Strict arithmetic, not even a*b + c in one instruction: parts are compiled within each entry point they are in, and
 # only what every compilation must round alike gives the same bits in all.
 SETTINGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-ENTRY = SETTINGS | {"pipeline_class": EntryCompiler}
-PART = SETTINGS | {"pipeline_class": PartCompiler, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 _setting = threading.Lock()
 
 
-def jit(function: Kernel, *, by_address: bool = False) -> Kernel:
+def jit(function: Kernel) -> Kernel:
     """Compile an entry point: releases the GIL, cached on disk when any directory can be written.
 
-    Call it with one signature only (see the module's docstring). ``by_address``: other compiled functions call it by
-    its address.
+    Call it with one signature only (see the module's docstring).
     """
     directory = cache_directory()
     if directory is None:
-        return numba.njit(**ENTRY)(function)
+        return numba.njit(**SETTINGS)(function)
     with _setting:
         chosen = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(directory)
         try:
-            return numba.njit(cache=True, no_cfunc_wrapper=not by_address, **ENTRY)(function)
+            return numba.njit(cache=True, **SETTINGS)(function)
         finally:
             numba.config.CACHE_DIR = chosen
 
 
 def part(function: Kernel) -> Kernel:
-    """Compile a function that only entry points call; its code is kept within theirs."""
-    return numba.njit(**PART)(function)
+    """Let entry points call a function, and compile it within them; Python can call it as it is written."""
+
+    @overload(function, jit_options={"error_model": "numpy"}, strict=False, prefer_literal=True)
+    def itself(*_arguments: Any) -> Kernel:
+        return function
+
+    return function
 
 
 @cache
@@ -77,6 +78,11 @@ def cache_directory() -> Path | None:
         if _private(directory):
             return directory
     return None
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _candidates(name: str) -> Iterator[Path]:

@@ -1,7 +1,7 @@
-"""Vector instructions, as functions for compiled code; only this file and `simd_fft` write LLVM.
+"""Vector instructions, as functions for compiled code; only this file writes LLVM.
 
 All work on vectors of 16 numbers, 64 bytes, an AVX-512 register, and take addresses. A ``row`` is such a
-vector; what the rows mean is `vector`'s affair. `available` tells whether this processor has what they need.
+vector; what the rows mean is `avx512`'s affair. `available` tells whether this processor has what they need.
 """
 
 import os

@@ -1,6 +1,6 @@
-"""Captures as kernels take them, averages as they give them, and what correlators have in common."""
+"""Captures as kernels take them, and averages as they give them."""
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -9,39 +9,6 @@ from erm.common.errors import DataError
 
 Captures = npt.NDArray[Any]
 Averages = tuple[npt.NDArray[np.complex64], npt.NDArray[np.float64]]
-
-
-class Accumulator(Protocol):
-    """Averages of captures that arrive in blocks."""
-
-    count: int
-
-    def add(self, iq: Captures) -> None:
-        """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
-
-    def result(self) -> Averages:
-        """Return mean correlation and mean power of all captures so far; more may follow."""
-
-
-class Correlator(Protocol):
-    """Circular correlation with one template, and its averages; safe to share among threads."""
-
-    samples: int
-
-    def average(self, iq: Captures) -> Averages:
-        """Average one direction: mean correlation, complex64 (sample,), and mean power, float64 (sample,)."""
-
-    def average_directions(self, iq: Captures, correlation: Captures, power: Captures) -> None:
-        """Average captures (direction, snapshot, ...) into the two given arrays (direction, sample)."""
-
-    def correlate(self, iq: Captures) -> npt.NDArray[np.complex64]:
-        """Correlate every capture by itself: complex64 (snapshot, sample)."""
-
-    def correlate_mean(self, x: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-        """Correlate one vector (sample,), such as an averaged capture, in float64: complex128 (sample,)."""
-
-    def accumulator(self) -> Accumulator:
-        """Return empty sums that are fed in blocks."""
 
 
 def flat_captures(iq: Captures, samples: int, dims: int) -> Captures:

@@ -58,20 +58,14 @@ class MSequenceCorrelator:
 
     def average(self, iq: Captures) -> Averages:
         """Average one direction: mean correlation, complex64 (sample,), and mean power, float64 (sample,)."""
-        correlation = np.empty((1, self.samples), np.complex64)
-        power = np.empty((1, self.samples))
-        self._average(flat_captures(iq, self.samples, dims=2)[np.newaxis], correlation, power)
-        return correlation[0], power[0]
-
-    def average_directions(self, iq: Captures, correlation: Captures, power: Captures) -> None:
-        """Average captures (direction, snapshot, ...) into the two given arrays (direction, sample)."""
-        self._average(flat_captures(iq, self.samples, dims=3), correlation, power)
-
-    def _average(self, x: Captures, correlation: Captures, power: Captures) -> None:
+        x = flat_captures(iq, self.samples, dims=2)[np.newaxis]
         if not x.shape[1]:
             raise DataError("captures: 0 snapshots in a direction, expected one or more; leave the direction out")
+        correlation = np.empty((1, self.samples), np.complex64)
+        power = np.empty((1, self.samples))
         with self._borrowed_state() as state:
             self._run(x, 0, state, correlation, power)
+        return correlation[0], power[0]
 
     def correlate(self, iq: Captures) -> npt.NDArray[np.complex64]:
         """Correlate every capture by itself: complex64 (snapshot, sample)."""

@@ -6,15 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from sounder.kernels.compiler.struct import bundle
-
 LINE = 64
 TAIL = 8  # numbers that the sums of the last chip reach beyond the end
 
 Array = Any
 
 
-@bundle
 class Tables(NamedTuple):
     """Constants of one sequence at one number of samples a chip, in the layout of one path.
 
@@ -41,7 +38,6 @@ class Path(NamedTuple):
     correlate_float32: Callable[..., None]
 
 
-@bundle
 class State(NamedTuple):
     """Work space and running sums of one thread."""
 

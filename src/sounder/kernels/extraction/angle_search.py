@@ -67,9 +67,7 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
         lower = edge if within_fan and outward < 0 else lowest
         upper = edge if within_fan and outward > 0 else highest
         bound(b, view, work, lower, upper)
-        tried[start, COST] = fit_angles(
-            view, work.magnitude, work.near, magnitude_variance(view, b), work.bounds, work.free, EXPLORE, angles
-        )
+        tried[start, COST] = fit_beams(b, view, work, EXPLORE)
         for column in range(3):
             tried[start, column] = angles[column]
         tried[start, HEARD] = judge(view, work) if starts > 1 else 0.0
@@ -79,6 +77,14 @@ def search_angles(b: int, view: View, work: Work, row: Real) -> None:
     lower = edge if within_fan and outward < 0 else lowest
     upper = edge if within_fan and outward > 0 else highest
     bound(b, view, work, lower, upper)
+
+
+@part
+def fit_beams(b: int, view: View, work: Work, steps: float) -> float:
+    """Fit the angles in ``work.fit`` to the magnitudes in the beams of the fit; return the squared residuals."""
+    noise = magnitude_variance(view, b)
+    scratch = work.direction, work.slopes, work.sums
+    return fit_angles(view, work.magnitude, work.near, noise, work.bounds, work.free, steps, *scratch, work.fit)
 
 
 @part

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.compiler.compile import part
-from sounder.kernels.compiler.stack_array import scratch
 from sounder.kernels.extraction.scan_view import View, aim, pattern
 
 Real = npt.NDArray[np.float64]
@@ -20,7 +19,8 @@ CHANCE = 2.0
 """Deviations by which residuals must exceed the noise's before they are believed: the larger of two estimates of one
 variance is too large on average."""
 COST, SUM_G2, NORMAL_AA, NORMAL_AE, NORMAL_EE, DOWN_A, DOWN_E, MEAN_A, MEAN_E, POWER = range(10)
-"""Places of `_model`'s sums."""
+SUMS = 10
+"""Places of `_model`'s sums, and how many there are."""
 AZIMUTH, ELEVATION, AMPLITUDE = range(3)
 VAR_AZIMUTH, VAR_ELEVATION, VAR_AMPLITUDE, AZIMUTH_ELEVATION, AZIMUTH_AMPLITUDE, ELEVATION_AMPLITUDE = range(3, 9)
 MISFIT = 9
@@ -30,7 +30,17 @@ RESULTS = 10
 
 @part
 def fit_angles(
-    view: View, magnitude: Real, near: Integers, noise: float, bounds: Real, free: Real, steps: float, fit: Real
+    view: View,
+    magnitude: Real,
+    near: Integers,
+    noise: float,
+    bounds: Real,
+    free: Real,
+    steps: float,
+    direction: Real,
+    slopes: Real,
+    sums: Real,
+    fit: Real,
 ) -> float:
     """Fit ``magnitude[i] = a g_i(azimuth, elevation)`` by least squares (Levenberg-Marquardt).
 
@@ -51,6 +61,8 @@ def fit_angles(
         1 for an angle to be fitted; one with 0 stays at its start.
     steps : float
         Most steps; a literal int would have this compiled for every number.
+    direction, slopes, sums : array (4,), (2,), (SUMS,)
+        Scratch.
     fit : array (RESULTS,)
         Holds the first azimuth and elevation [degree]; filled with azimuth, elevation, a, their variances and
         covariances, and the variance of the residuals over that of the noise (NaN without residuals or noise).
@@ -65,9 +77,8 @@ def fit_angles(
     .. [1] L. Kaufman, "A variable projection method for solving separable nonlinear least squares problems",
        BIT 15, 1975.
     """
-    sums, direction = scratch(10), scratch(4)
     azimuth, elevation = fit[AZIMUTH], fit[ELEVATION]
-    amplitude = _model(view, magnitude, near, azimuth, elevation, free, direction, sums)
+    amplitude = _model(view, magnitude, near, azimuth, elevation, free, direction, slopes, sums)
     cost = sums[COST]
     normal_aa, normal_ae, normal_ee = sums[NORMAL_AA], sums[NORMAL_AE], sums[NORMAL_EE]
     down_a, down_e = sums[DOWN_A], sums[DOWN_E]
@@ -84,7 +95,7 @@ def fit_angles(
             break
         new_azimuth = _within(azimuth + free[0] * step_a, bounds[0], bounds[1])
         new_elevation = _within(elevation + free[1] * step_e, bounds[2], bounds[3])
-        new_amplitude = _model(view, magnitude, near, new_azimuth, new_elevation, free, direction, sums)
+        new_amplitude = _model(view, magnitude, near, new_azimuth, new_elevation, free, direction, slopes, sums)
         if new_azimuth == azimuth and new_elevation == elevation:
             break  # held by a bound
         if sums[COST] < cost:
@@ -145,10 +156,10 @@ def _model(
     elevation: float,
     free: Real,
     direction: Real,
+    slopes: Real,
     sums: Real,
 ) -> float:
     """Fit the amplitude alone; fill ``sums`` with the cost and the normal equations of the angles."""
-    slopes = scratch(2)
     aim(azimuth, elevation, direction)
     inner = energy = by_a = by_e = aa = ae = ee = size2 = down_a = down_e = 0.0
     for i in range(near.size):

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from sounder.kernels.compiler.struct import bundle
-from sounder.kernels.extraction.beam_fit import RESULTS
+from sounder.kernels.extraction.beam_fit import RESULTS, SUMS
 from sounder.kernels.extraction.scan_view import OVER, View
 
 Real = npt.NDArray[np.float64]
@@ -30,9 +29,8 @@ NEAR = 9
 """Beams of a fit: the one it was found in and those around it."""
 
 
-@bundle
 class Work(NamedTuple):
-    """Scratch of a fit: taps of the pulse and of the matched filter, beams, their weights, angles, bounds."""
+    """Scratch of a fit: taps of the pulse and of the matched filter, beams, their weights, angles, bounds, sums."""
 
     pulse: Complex
     matched: Complex
@@ -45,6 +43,7 @@ class Work(NamedTuple):
     fit: Real
     direction: Real
     slopes: Real
+    sums: Real
     tried: Real
     far: Real
 
@@ -57,5 +56,5 @@ def work_of(view: View) -> Work:
         np.empty(matched, complex),
         np.empty(matched, complex),
         np.empty(NEAR + 1, np.int64),
-        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, RESULTS, 4, 2, (STARTS, 5), (view.beam.shape[0], 3))),
+        *(np.empty(size) for size in (NEAR, NEAR, 2, 4, RESULTS, 4, 2, SUMS, (STARTS, 5), (view.beam.shape[0], 3))),
     )

@@ -2,11 +2,9 @@
 
 import math
 
-from sounder.kernels.compiler.by_address import Stage
 from sounder.kernels.compiler.compile import part
 from sounder.kernels.extraction import beam_fit
-from sounder.kernels.extraction.angle_search import SETTLE, bound, neighbours, search_angles, weigh
-from sounder.kernels.extraction.beam_fit import fit_angles
+from sounder.kernels.extraction.angle_search import SETTLE, bound, fit_beams, neighbours, search_angles, weigh
 from sounder.kernels.extraction.columns import (
     AMPLITUDE,
     AMPLITUDE_SPREAD,
@@ -28,13 +26,13 @@ from sounder.kernels.extraction.columns import (
     Real,
     Work,
 )
-from sounder.kernels.extraction.delay_fit import climb, magnitude_variance, measure, tune
+from sounder.kernels.extraction.delay_fit import climb, measure, tune
 from sounder.kernels.extraction.pulse import add, match, power, power_around, sample
 from sounder.kernels.extraction.scan_view import NOISE, OVER, View, aim, pattern
 from sounder.kernels.extraction.sidelobe_check import listen
 
 
-@Stage
+@part
 def fit(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int, takes: bool) -> None:
     """Put path ``i`` back into the beams, fit it to what the others left and, if ``takes``, take it out again.
 
@@ -75,7 +73,7 @@ def _measure(beams: Beams, view: View, work: Work, row: Real) -> None:
     weigh(view, work)
     delay = climb(beams, view, work, delay, 0.15)
     measure(beams, view, work, delay)
-    fit_angles(view, work.magnitude, work.near, magnitude_variance(view, b), work.bounds, work.free, SETTLE, angles)
+    fit_beams(b, view, work, SETTLE)
     for column in range(beam_fit.RESULTS):
         row[AZIMUTH + column] = angles[column]
     row[VAR_ELEVATION] += row[ELEVATION_SPREAD] * row[ELEVATION_SPREAD]

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.compiler.compile import part
-from sounder.kernels.compiler.struct import bundle
 from sounder.kernels.extraction.columns import AMPLITUDE, AZIMUTH, DELAY, ELEVATION, Beams, Real, Work
 from sounder.kernels.extraction.pulse import nearest, power, sample
 from sounder.kernels.extraction.scan_view import OVER, View, aim, pattern
@@ -23,7 +22,6 @@ Level = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int64]
 
 
-@bundle
 class Limits(NamedTuple):
     """When a peak is a path.
 
@@ -50,7 +48,6 @@ class Limits(NamedTuple):
     margin: float
 
 
-@bundle
 class Search(NamedTuple):
     """State of the search.
 

@@ -8,7 +8,6 @@ stronger path's sidelobes, in angle and in delay, go with it, and another path t
 
 import numpy as np
 
-from sounder.kernels.compiler.by_address import Stage
 from sounder.kernels.compiler.compile import jit, part
 from sounder.kernels.extraction.columns import (
     AMPLITUDE,
@@ -43,6 +42,7 @@ SHARED = 6
 """Samples between two paths under which a fit of one has samples of the other in it."""
 
 
+@jit
 def cancel(
     beams: Beams, view: View, limits: Limits, effort: Integers, work: Work, search: Search, found: Real, taken: Beams
 ) -> tuple[int, bool]:
@@ -72,24 +72,7 @@ def cancel(
     complete : bool
         False where peaks were left when ``found`` was full.
     """
-    takes = bool(effort[TAKES])
-    fitter = fit.given(beams, view, limits.margin, work, found[0], taken, 0, takes)
-    return _cancel(beams, view, limits, effort, work, search, found, taken, takes, fitter)
-
-
-@jit
-def _cancel(
-    beams: Beams,
-    view: View,
-    limits: Limits,
-    effort: Integers,
-    work: Work,
-    search: Search,
-    found: Real,
-    taken: Beams,
-    takes: bool,
-    fitter: Stage,
-) -> tuple[int, bool]:
+    takes = effort[TAKES] != 0
     n_beams, n_delays = beams.shape
     period = float(n_delays)
     n_blocks = search.peak.shape[1]
@@ -109,7 +92,7 @@ def _cancel(
         row[ANEW] = 1.0
         for each in range(n_beams):
             taken[count, each] = 0
-        fitter(beams, view, limits.margin, work, row, taken, count, takes)
+        fit(beams, view, limits.margin, work, row, taken, count, takes)
         mark(view, limits, work, search, row)
         for copy in range(limits.artefact.shape[0]):
             search_around(beams, limits, work, search, row[DELAY] + limits.artefact[copy, OFFSET])
@@ -124,7 +107,7 @@ def _cancel(
             for i in range(count):
                 if _share(found[i], row, reach, period):
                     found[i, ANEW] = 0.0
-                    fitter(beams, view, limits.margin, work, found[i], taken, i, takes)
+                    fit(beams, view, limits.margin, work, found[i], taken, i, takes)
         for i in range(count):
             if _share(found[i], row, reach, period):
                 search_around(beams, limits, work, search, found[i, DELAY])
@@ -133,7 +116,7 @@ def _cancel(
     for turn in range(effort[PASSES]):
         for i in range(count):
             found[i, ANEW] = turn == 0
-            fitter(beams, view, limits.margin, work, found[i], taken, i, takes)
+            fit(beams, view, limits.margin, work, found[i], taken, i, takes)
     return _keep(found, taken, count, view, limits, work, period), complete
 
 

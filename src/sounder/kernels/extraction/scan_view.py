@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.compiler.compile import part
-from sounder.kernels.compiler.struct import bundle
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -22,7 +21,6 @@ N_AZIMUTHS, N_ELEVATIONS, AROUND, OVER = range(4)
 RADIANS = math.pi / 180.0
 
 
-@bundle
 class View(NamedTuple):
     """What the beams see a path with.
 

@@ -1,6 +1,7 @@
 """Correlation with m-sequences: known values, and agreement with float64 FFTs."""
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -186,6 +187,17 @@ def test_other_memory_layouts_are_the_same_captures(m_sequence, path, rng, tmp_p
     assert not unaligned.flags.aligned
     for same in (mapped, iq.astype(">i2"), np.asfortranarray(iq), np.repeat(iq, 2, axis=0)[::2], unaligned):
         np.testing.assert_array_equal(correlator.average(same)[0], mean)
+
+
+@pytest.mark.parametrize("kind", ["int16", "complex64"])
+def test_threads_that_share_a_correlator_get_the_same_bits(m_sequence, path, rng, kind):
+    iq = full_scale(rng, 13 * 35, 1022).reshape(13, 35, 1022, 2)
+    if kind == "complex64":
+        iq = reference.as_complex(iq).astype(np.complex64)
+    correlator = MSequenceCorrelator(m_sequence(9), 2)
+    with ThreadPoolExecutor(4) as pool:
+        for direction, averages in zip(iq, pool.map(correlator.average, iq), strict=True):
+            np.testing.assert_array_equal(averages, correlator.average(direction))
 
 
 def test_every_entry_point_has_one_signature(m_sequence, monkeypatch, tmp_path, rng):

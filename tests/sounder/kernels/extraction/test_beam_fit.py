@@ -32,7 +32,8 @@ def fit(make_view):
         near = np.append(np.arange(len(looks)), -1)
         bounds = np.array([-20.0, 20.0, -20.0, 20.0])
         seen_with = make_view(PATTERN, looks, 1.0, (3, 3, 0))
-        cost = fit_angles(seen_with, np.asarray(magnitude), near, noise, bounds, np.array(free), 20.0, result)
+        scratch = np.empty(4), np.empty(2), np.empty(beam_fit.SUMS)
+        cost = fit_angles(seen_with, np.asarray(magnitude), near, noise, bounds, np.array(free), 20.0, *scratch, result)
         return cost, result
 
     return run
