@@ -1,4 +1,4 @@
-"""What an instrument does to a signal: fault models, each one equation, each switched by itself."""
+"""Faults of an instrument: one equation each, and each can be switched off."""
 
 from typing import Annotated, Any, Self
 
@@ -17,23 +17,23 @@ Seed = Annotated[int, Field(ge=0)]
 class SystemResponse(Table):
     """Linear response of cables, filters and mixers, the same in a recording and in its back-to-back.
 
-    ``R(f) = 10**(slope f / 20e9) exp(-2j pi f delay) (1 + sum_k c_k exp(-2j pi f t_k))``: a tilt, a delay,
-    and echoes between mismatched ends. ``t_k`` is uniform up to ``longest_echo``; ``c_k`` is complex normal
-    with the variance that makes the standard deviation of ``20 log10 |R|`` the wanted ``ripple``,
-    ``8.686 sqrt(sum_k var(c_k) / 2)``.
+    ``R(f) = 10**(slope f / 20e9) exp(-2j pi f delay) (1 + sum_k c_k exp(-2j pi f t_k))``: a tilt, a delay, and echoes
+    between mismatched ends. ``t_k`` is uniform up to ``longest_echo``. ``c_k`` is complex normal; its variance follows
+    from ``ripple``, the standard deviation of ``20 log10 |R|``: ``ripple = 8.686 sqrt(sum_k var(c_k) / 2)``.
     Source: Pozar, Microwave Engineering, 4th ed., section 2.3 (multiple reflections on a line).
 
     Parameters
     ----------
     ripple : float
-        [dB]
+        Standard deviation over frequency [dB].
     slope : float
-        [dB/GHz]
+        Tilt [dB/GHz].
     delay, longest_echo : float
-        [s]
+        Delay of the system, and longest delay of an echo after it [s].
     echoes : int
+        Number of echoes.
     seed : int
-        Which instrument it is.
+        Each seed is another instrument.
     """
 
     ripple: Annotated[float, Field(ge=0, le=2)] = 0.6
@@ -46,10 +46,10 @@ class SystemResponse(Table):
     def response(self, frequency: Real) -> Complex:
         """``R`` at baseband frequencies [Hz]."""
         rng = np.random.default_rng(self.seed)
-        late = rng.uniform(0, self.longest_echo, self.echoes)
-        each = self.ripple / (20 / np.log(10)) * np.sqrt(2 / self.echoes)
-        level = each * (rng.standard_normal(self.echoes) + 1j * rng.standard_normal(self.echoes)) / np.sqrt(2)
-        echoes = np.exp(-2j * np.pi * np.multiply.outer(frequency, late)) @ level
+        delays = rng.uniform(0, self.longest_echo, self.echoes)
+        deviation = self.ripple / (20 / np.log(10)) * np.sqrt(2 / self.echoes)
+        level = deviation * (rng.standard_normal(self.echoes) + 1j * rng.standard_normal(self.echoes)) / np.sqrt(2)
+        echoes = np.exp(-2j * np.pi * np.multiply.outer(frequency, delays)) @ level
         tilt = 10 ** (self.slope * frequency / 20e9)
         response: Complex = tilt * np.exp(-2j * np.pi * frequency * self.delay) * (1 + echoes)
         return response
@@ -58,15 +58,15 @@ class SystemResponse(Table):
 class PhaseNoise(Table):
     """Wiener phase of a free-running oscillator: increments of variance ``2 pi linewidth dt``.
 
-    It runs on within a snapshot and from one snapshot to the next, ``interval`` after its start (at once if
-    None). Source: Demir, Mehrotra, Roychowdhury, IEEE Trans. Circuits Syst. I 47 (2000) 655-674.
+    The phase continues from sample to sample and from one snapshot to the next.
+    Source: Demir, Mehrotra, Roychowdhury, IEEE Trans. Circuits Syst. I 47 (2000) 655-674.
 
     Parameters
     ----------
     linewidth : float
         Full width at half maximum of the carrier's Lorentzian line [Hz].
     interval : float, optional
-        From the start of one snapshot to the start of the next [s].
+        Time from the start of one snapshot to the start of the next [s]; default without a pause.
     """
 
     linewidth: NotNegative = 50.0
@@ -86,15 +86,15 @@ class PhaseNoise(Table):
 class CableDrift(Table):
     """Phase and amplitude of a cable that bends as the antenna turns.
 
-    ``phase cos(az - az_0)`` and ``amplitude cos(az - az_1)``, with directions of bend ``az_0``, ``az_1``
-    drawn for each position: the lowest harmonic of anything that is periodic in the turn.
+    ``phase cos(az - az_0)`` and ``amplitude cos(az - az_1)``, with ``az_0`` and ``az_1`` drawn for each position: the
+    lowest harmonic of anything that is periodic in azimuth.
 
     Parameters
     ----------
     phase : float
-        [degree]
+        Largest phase [degree].
     amplitude : float
-        [dB]
+        Largest change of the gain [dB].
     """
 
     phase: NotNegative = 15.0
@@ -108,9 +108,14 @@ class CableDrift(Table):
 
 
 class DelayDrift(Table):
-    """Timing that wanders from direction to direction: a random walk of standard deviation ``step`` [s] each.
+    """Random walk of the timing from direction to direction.
 
-    It shifts the sequence alone; what it does to the carrier is a phase, which `CableDrift` stands for.
+    It delays the sequence only. The phase of the carrier is that of `CableDrift`.
+
+    Parameters
+    ----------
+    step : float
+        Standard deviation of a step [s].
     """
 
     step: NotNegative = 1e-12
@@ -125,16 +130,16 @@ class DelayDrift(Table):
 class IQImbalance(Table):
     """Unequal gain and imperfect quadrature of the two mixers.
 
-    ``y = alpha x + beta conj(x)``, ``alpha = (1 + g exp(-j phi)) / 2``, ``beta = (1 - g exp(j phi)) / 2``: I
-    is kept, Q becomes ``g (Q cos(phi) - I sin(phi))``. The image lies ``10 log10(|beta / alpha|**2)`` under
-    the signal. Source: Windisch and Fettweis, Proc. IEEE ISCAS 2004.
+    ``y = alpha x + beta conj(x)``, ``alpha = (1 + g exp(-j phi)) / 2``, ``beta = (1 - g exp(j phi)) / 2``: I is kept, Q
+    becomes ``g (Q cos(phi) - I sin(phi))``. The level of the image relative to the signal is
+    ``10 log10(|beta / alpha|**2)``. Source: Windisch and Fettweis, Proc. IEEE ISCAS 2004.
 
     Parameters
     ----------
     gain : float
-        [dB]
+        Gain of Q over that of I [dB].
     phase : float
-        [degree]
+        Error of quadrature [degree].
     """
 
     gain: float = 0.1
@@ -148,14 +153,20 @@ class IQImbalance(Table):
 
 
 class DCOffset(Table):
-    """Constant at the converter, as a fraction of its full scale."""
+    """Constant at the converter.
+
+    Parameters
+    ----------
+    i, q : float
+        Fraction of full scale [1].
+    """
 
     i: Annotated[float, Field(gt=-1, lt=1)] = 0.002
     q: Annotated[float, Field(gt=-1, lt=1)] = -0.001
 
 
 class ThermalNoise(Table):
-    """White noise of power ``k T B F`` at the antenna port, ``B`` being the sample rate.
+    """White noise of power ``k T B F`` at the antenna port, with the sample rate ``B``.
 
     Source: Pozar, Microwave Engineering, 4th ed., section 10.2.
 
@@ -176,17 +187,17 @@ class ThermalNoise(Table):
 
 
 class AGC(Table):
-    """Receiver gain chosen for each direction from the power received.
+    """Gain control: a receiver gain for each direction, from the received power.
 
-    ``gain = step floor((full_scale - headroom - power) / step)``, not under 0 nor over ``maximum``; 0 is the
-    setting of the back-to-back capture, so the recording states it as it is.
+    ``gain = step floor((full_scale - headroom - power) / step)``, limited to 0 and ``maximum``. The gain is relative to
+    the setting of the back-to-back recording.
 
     Parameters
     ----------
     step, maximum : float
-        [dB]
+        Step and largest value of the gain [dB].
     headroom : float
-        Mean power under full scale that is aimed at [dB].
+        Wanted distance of the mean power below full scale [dB].
     """
 
     step: Annotated[float, Field(gt=0)] = 1.0
@@ -201,17 +212,17 @@ class AGC(Table):
 
 
 class Converter(Table):
-    """Analogue to digital: clipped at full scale, rounded to steps of ``2 full_scale / 2**bits``.
+    """Analogue-to-digital converter: clips at full scale, rounds to steps of ``2 full_scale / 2**bits``.
 
-    Stored left-justified in int16, so that a clipped sample is -32768 or 32767 whatever the bits. A sample cannot
-    be stored without a converter; 16 bits and a full scale above the signal make its errors negligible.
+    Samples are stored left-justified in int16, so that a clipped sample is -32768 or 32767 whatever the bits. The
+    converter cannot be switched off; with 16 bits and a full scale above the signal its errors are negligible.
 
     Parameters
     ----------
     bits : int
-        Of I and of Q.
+        Bits of I and of Q.
     full_scale : float
-        Power of a complex carrier whose I and Q just reach full scale, at receiver gain 0 [dBm].
+        Power of a carrier whose I and Q just reach full scale, at receiver gain 0 [dBm].
     """
 
     bits: Annotated[int, Field(ge=2, le=16)] = 14
@@ -235,7 +246,7 @@ class Converter(Table):
 
 
 class Faults(Table):
-    """Faults of an instrument; each is its table of parameters, or None (``false`` in TOML) for absent.
+    """Faults of an instrument; each is a table of parameters, or None if it is absent (``false`` in TOML).
 
     Examples
     --------
@@ -256,7 +267,7 @@ class Faults(Table):
     @model_validator(mode="before")
     @classmethod
     def _switches(cls, tables: Any) -> Any:
-        """``false`` for absent, ``true`` for present with its defaults: TOML has no null."""
+        """``false`` for absent, ``true`` for the defaults: TOML has no null."""
         if not isinstance(tables, dict):
             return tables
         switches: dict[Any, Any] = {False: None, True: {}}
@@ -264,6 +275,6 @@ class Faults(Table):
 
     @classmethod
     def absent(cls, **present: Any) -> Self:
-        """An instrument without faults but those given, and with a converter of 16 bits."""
+        """An instrument with the given faults only, and a converter of 16 bits."""
         switches: dict[str, Any] = dict.fromkeys(cls.model_fields, False) | {"converter": Converter(bits=16)}
         return cls(**(switches | present))

@@ -1,4 +1,4 @@
-"""The instrument's twin: propagation paths in, raw captures out, as the receiver would have stored them."""
+"""The twin of the receiver: from propagation paths to raw captures as the instrument would store them."""
 
 import zlib
 from pathlib import Path
@@ -17,18 +17,14 @@ from sounder.twin.faults import Complex, Faults, Real
 if TYPE_CHECKING:
     import xarray as xr
 
-DWELL = 1.0
-"""Time the scan spends on a direction [s]."""
-
 
 def transfer_functions(paths: "xr.Dataset", sounder: Sounder, azimuth: Real, elevation: Real) -> Complex:
-    """Channel between the antennas' ports for each direction the horn looks at.
+    """Channel between the ports of the antennas, for each direction of the horn.
 
-    ``H(f) = sum_p a_p g_tx g_rx(p) exp(-2j pi f tau_p)``, with ``a_p`` the coefficient between isotropic
-    antennas (it holds the carrier's phase), ``g`` the amplitude gains and ``f`` from the carrier. On the grid
-    of ``N`` samples at the sample rate a delay beyond the period wraps, as it does for the periodic sequence.
-    The transmit antenna has its boresight gain toward every path: which way it looks is not part of the
-    description.
+    ``H(f) = sum_p a_p g_tx g_rx(p) exp(-2j pi f tau_p)``, with the coefficient ``a_p`` between isotropic antennas
+    (including the phase of the carrier), the amplitude gains ``g``, and the frequency ``f`` relative to the carrier. A
+    delay beyond the period wraps, as it does with the periodic sequence. The transmit antenna has its boresight gain
+    toward every path, because the description does not say where it is pointed.
 
     Parameters
     ----------
@@ -44,15 +40,15 @@ def transfer_functions(paths: "xr.Dataset", sounder: Sounder, azimuth: Real, ele
         In the order of ``numpy.fft.fftfreq``.
     """
     horn = Pattern.of(sounder.rx_antenna)
-    toward = horn.beam_gain(
+    relative_gain = horn.beam_gain(
         paths["azimuth"].values,
         paths["elevation"].values,
         np.asarray(azimuth)[:, None, None],
         np.asarray(elevation)[None, :, None],
     )
-    gain = toward + horn.gain + sounder.tx_antenna.gain
-    delayed = np.exp(-2j * np.pi * np.multiply.outer(paths["delay"].values, _frequency(sounder)))
-    transfer: Complex = (10 ** (gain / 20) * paths["coefficient"].values) @ delayed
+    gain = relative_gain + horn.gain + sounder.tx_antenna.gain
+    phase_factor = np.exp(-2j * np.pi * np.multiply.outer(paths["delay"].values, _frequency(sounder)))
+    transfer: Complex = (10 ** (gain / 20) * paths["coefficient"].values) @ phase_factor
     return transfer
 
 
@@ -67,41 +63,50 @@ def record(
     los: int = -1,
     faults: Faults | None = None,
     seed: int = 0,
-    start: float | None = None,
 ) -> Recording:
-    """Recording of one position that the sounder would make of these paths.
+    """Record one position with given propagation paths.
 
-    Captures are made when they are read, one direction at a time; seed, name and direction alone decide them.
-    The horn turns through the azimuths at each elevation in turn.
+    The captures of a direction are computed when they are read. They depend on seed, name and direction only. The scan
+    covers all azimuths at one elevation before it moves to the next.
 
     Parameters
     ----------
     paths : xarray.Dataset
-        As for :func:`transfer_functions`; length 0 is legal and gives noise.
+        As for :func:`transfer_functions`; without paths the recording holds noise.
     sounder : Sounder
     name : str
-        Of the position.
+        Name of the position.
     tx_position, rx_position : array (3,)
         East, north, up [m].
     snapshots : int
         Captures a direction.
     los : int
-        1, 0 or -1, stored as it is.
+        1 line of sight, 0 none, -1 not known; stored in the recording.
     faults : Faults, optional
-        The default ones if None.
+        Default: those of an ordinary instrument.
     seed : int
-    start : float, optional
-        Time of the first capture [s since 1970-01-01 UTC].
 
     Returns
     -------
     Recording
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from sounder import load_sounder, shipped
+    >>> path = {"coefficient": 1e-5, "delay": 100e-9, "azimuth": 10.0, "elevation": 0.0}
+    >>> paths = xr.Dataset({key: ("path", [value]) for key, value in path.items()})
+    >>> description = load_sounder(shipped.calibration("sounder-132ghz.toml"))
+    >>> ends = {"tx_position": (30, 0, 2), "rx_position": (0, 0, 2)}
+    >>> recording = record(paths, description, name="RX1", snapshots=2, **ends)
+    >>> recording.captures(1, 1).shape  # snapshots, samples, I and Q at azimuth 10, elevation 0
+    (2, 1022, 2)
     """
     faults = Faults() if faults is None else faults
-    place = (seed, zlib.crc32(name.encode()))
+    seeds = (seed, zlib.crc32(name.encode()))
     azimuth, elevation = np.asarray(sounder.scan.azimuth), np.asarray(sounder.scan.elevation)
-    spectra = transfer_functions(paths, sounder, azimuth, elevation) * _sent(sounder, faults)
-    _drift(spectra, sounder, azimuth, faults, place)
+    spectra = transfer_functions(paths, sounder, azimuth, elevation) * _sent_spectrum(sounder, faults)
+    _apply_drifts(spectra, sounder, azimuth, faults, seeds)
     received = np.mean(np.abs(spectra) ** 2, axis=-1) / sounder.waveform.samples  # Parseval
     gain = np.zeros(received.shape)
     if faults.agc:
@@ -109,11 +114,12 @@ def record(
         gain = faults.agc.gain(received + noise, faults.converter.full_scale)
 
     def read(a: int, e: int, which: slice) -> Captures:
-        rng = np.random.default_rng((*place, 1, a, e))
-        captures: Captures = _receive(spectra[a, e], float(gain[a, e]), snapshots, sounder, faults, rng)[which]
+        rng = np.random.default_rng((*seeds, 1, a, e))
+        captures: Captures = _received_captures(spectra[a, e], float(gain[a, e]), snapshots, sounder, faults, rng)[
+            which
+        ]
         return captures
 
-    order: Real = np.arange(received.size, dtype=float).reshape(received.T.shape).T
     return Recording(
         name=name,
         source=Path(f"twin of {sounder.name}"),
@@ -129,7 +135,7 @@ def record(
         agc_gain=gain,
         valid=np.ones(received.shape, bool),
         los=los,
-        time=None if start is None else start + DWELL * order,
+        time=None,
         read=read,
     )
 
@@ -142,19 +148,19 @@ def back_to_back(
     faults: Faults | None = None,
     seed: int = 0,
 ) -> BackToBack:
-    """Back-to-back recording: transmitter and receiver joined by an attenuator, without antennas.
+    """Record the transmitter through an attenuator, without antennas.
 
-    ``B(f) = sqrt(P_tx) S(f) R(f) S21(f)``; the receiver gain is the reference setting and nothing turns, so
+    ``B(f) = sqrt(P_tx) S(f) R(f) S21(f)``. The receiver gain is the reference setting and the antenna does not turn, so
     there is neither AGC nor drift.
 
     Parameters
     ----------
     sounder : Sounder
     attenuator : tuple of arrays (frequency,), (frequency,) or float
-        Frequency [Hz] and S21 of the attenuator, or its loss [dB] when nothing else is known.
+        Frequency [Hz] and S21 of the attenuator, or its loss [dB].
     snapshots : int
     faults : Faults, optional
-        The default ones if None.
+        Default: those of an ordinary instrument.
     seed : int
 
     Returns
@@ -175,7 +181,7 @@ def back_to_back(
     return BackToBack(
         source=Path(f"twin of {sounder.name}"),
         sounder=sounder,
-        captures=_receive(_sent(sounder, faults) * through, 0.0, snapshots, sounder, faults, rng),
+        captures=_received_captures(_sent_spectrum(sounder, faults) * through, 0.0, snapshots, sounder, faults, rng),
         scale_factor=faults.converter.scale_factor,
         attenuation=loss,
         s21=s21,
@@ -189,29 +195,28 @@ def _frequency(sounder: Sounder) -> Real:
     return np.asarray(np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate), np.float64)
 
 
-def _sent(sounder: Sounder, faults: Faults) -> Complex:
-    """Spectrum at the receiver if the channel were a wire: power, sequence, system response [sqrt(mW)]."""
+def _sent_spectrum(sounder: Sounder, faults: Faults) -> Complex:
+    """Spectrum at the receiver through a channel of gain 1: power, sequence and system response [sqrt(mW)]."""
     sent: Complex = 10 ** (sounder.transmitter.power / 20) * np.fft.fft(band_limited_template(sounder.waveform))
     return sent * faults.system_response.response(_frequency(sounder)) if faults.system_response else sent
 
 
-def _drift(spectra: Complex, sounder: Sounder, azimuth: Real, faults: Faults, place: tuple[int, int]) -> None:
-    """Apply what changes from direction to direction to spectra (azimuth, elevation, sample), in place."""
+def _apply_drifts(spectra: Complex, sounder: Sounder, azimuth: Real, faults: Faults, seeds: tuple[int, int]) -> None:
+    """Apply the drifts from direction to direction to spectra (azimuth, elevation, sample), in place."""
     if faults.cable_drift:
-        spectra *= faults.cable_drift.factor(np.random.default_rng((*place, 2)), azimuth)[:, None, None]
+        spectra *= faults.cable_drift.factor(np.random.default_rng((*seeds, 2)), azimuth)[:, None, None]
     if faults.delay_drift:
-        late = faults.delay_drift.delay(np.random.default_rng((*place, 3)), spectra.shape[0] * spectra.shape[1])
-        in_scan_order = late.reshape(spectra.shape[1], spectra.shape[0]).T
-        spectra *= np.exp(-2j * np.pi * np.multiply.outer(in_scan_order, _frequency(sounder)))
+        delay = faults.delay_drift.delay(np.random.default_rng((*seeds, 3)), spectra.shape[0] * spectra.shape[1])
+        delay = delay.reshape(spectra.shape[1], spectra.shape[0]).T
+        spectra *= np.exp(-2j * np.pi * np.multiply.outer(delay, _frequency(sounder)))
 
 
-def _receive(
+def _received_captures(
     spectrum: Complex, gain: float, snapshots: int, sounder: Sounder, faults: Faults, rng: np.random.Generator
 ) -> NDArray[np.int16]:
     """Captures int16 (snapshot, sample, iq) of one direction.
 
-    In the order of the hardware: local oscillator, noise, receiver gain [dB], quadrature mixer, offset,
-    converter.
+    In the order of the hardware: local oscillator, noise, receiver gain [dB], quadrature mixer, offset, converter.
     """
     waveform = sounder.waveform
     shape = (snapshots, waveform.samples)

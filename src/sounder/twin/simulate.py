@@ -1,4 +1,4 @@
-"""A scene to files: raw recordings, their back-to-back, and the truth they were made from."""
+"""A scene to files: raw recordings, their back-to-back recording, and the truth behind them."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -17,11 +17,11 @@ from sounder.instrument.touchstone import read_s21
 from sounder.recordings.recording import BackToBack, Recording
 from sounder.recordings.writer import write_back_to_back, write_recording
 from sounder.twin.receiver import back_to_back, record
-from sounder.twin.scene import Receiver, Scene, Surroundings, load_scene
+from sounder.twin.scene import Receiver, Scene, SceneEnvironment, load_scene
 
 
 def environment_of(scene: Scene) -> Environment:
-    """Environment of a scene: read from the file it names, or made of what it draws.
+    """Environment of a scene: read from the file that it names, or built from what it draws.
 
     Raises
     ------
@@ -31,12 +31,12 @@ def environment_of(scene: Scene) -> Environment:
     if scene.environment.file:
         return read_map(scene.environment.file)
     try:
-        return _built(scene.environment)
+        return _drawn(scene.environment)
     except DataError as error:
         raise DataError(f"{scene.name}: environment: {error}") from None
 
 
-def _built(drawn: Surroundings) -> Environment:
+def _drawn(drawn: SceneEnvironment) -> Environment:
     pieces = [(segment, wall) for wall in drawn.walls for segment in wall.segments]
     environment = Environment.walls(
         np.array([segment for segment, _ in pieces]).reshape(-1, 2, 2),
@@ -71,13 +71,13 @@ def trace_scene(scene: Scene, environment: Environment) -> list[xr.Dataset]:
     for receiver in scene.receivers:
         tx = scene.transmitters[receiver.tx]
         paths = trace(environment, tx, receiver.position, frequency, max_order=scene.max_order)
-        _require_sight(scene, receiver, paths)
+        _require_line_of_sight(scene, receiver, paths)
         found.append(paths)
     return found
 
 
 def record_scene(scene: Scene, traced: Sequence[xr.Dataset]) -> Iterator[Recording]:
-    """Record each position of a scene from its traced paths; captures are made when they are read."""
+    """Record each position of a scene from its traced paths; the captures are computed when they are read."""
     for receiver, paths in zip(scene.receivers, traced, strict=True):
         yield record(
             paths,
@@ -92,23 +92,23 @@ def record_scene(scene: Scene, traced: Sequence[xr.Dataset]) -> Iterator[Recordi
         )
 
 
-def _require_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) -> None:
-    seen = bool(paths["los"].any())
-    if receiver.los is not None and receiver.los != seen:
+def _require_line_of_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) -> None:
+    los = bool(paths["los"].any())
+    if receiver.los is not None and receiver.los != los:
         states = {True: "in line of sight", False: "not in line of sight"}
         raise DataError(
-            f"{scene.name}: {receiver.name} is {states[seen]} of {receiver.tx} in this environment, but its los says "
-            f"{states[receiver.los]}; move it, change the walls, or leave los out"
+            f"{scene.name}: {receiver.name} is {states[los]} of {receiver.tx} in this environment, but los says "
+            f"{states[receiver.los]}; move it, change the walls, or leave out los"
         )
 
 
 def back_to_back_of(scene: Scene) -> BackToBack:
-    """Back-to-back recording of a scene's sounder through its attenuator.
+    """Back-to-back recording of the sounder of a scene, through its attenuator.
 
     Raises
     ------
     DataError
-        The attenuator's file cannot be read or does not cover the sounder's band.
+        The file of the attenuator cannot be read or does not cover the band of the sounder.
     """
     attenuator = scene.attenuator
     if isinstance(attenuator, float):
@@ -142,15 +142,29 @@ def simulate(scene: Scene | Path | str, out: Path | str, *, progress: Callable[[
     Raises
     ------
     DataError
-        The scene cannot be read, contradicts its environment, or the folder cannot be written to.
+        The scene cannot be read or contradicts its environment, or the folder cannot be written to.
+
+    Examples
+    --------
+    One position of the shipped room, with one capture a direction:
+
+    >>> import sounder, tempfile
+    >>> from sounder import shipped
+    >>> from sounder.twin.scene import load_scene
+    >>> scene = load_scene(shipped.scene("lroom.toml"))
+    >>> scene = scene.model_copy(update={"receivers": scene.receivers[:1], "snapshots": 1})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [file] = sounder.simulate(scene, folder)
+    ...     print(file.name, sorted(path.name for path in file.parents[1].glob("*")))
+    RX1.h5 ['back-to-back.h5', 'raw', 'truth']
     """
     scene, out = scene if isinstance(scene, Scene) else load_scene(scene), Path(out)
     history = f"sounder simulate {scene.name}"
     environment, b2b = environment_of(scene), back_to_back_of(scene)
     traced = trace_scene(scene, environment)
     write_back_to_back(b2b, out / "back-to-back.h5", history=history)
-    drawn_in = [scene.environment.file] if scene.environment.file else []
-    environment.reflectors.attrs.update(provenance("Environment that was simulated", history, inputs=drawn_in))
+    sources = [scene.environment.file] if scene.environment.file else []
+    environment.reflectors.attrs.update(provenance("Simulated environment", history, inputs=sources))
     write_map(environment, out / "truth" / "environment.geojson")
     recordings: list[Path] = []
     truth: list[xr.Dataset] = []
@@ -162,7 +176,7 @@ def simulate(scene: Scene | Path | str, out: Path | str, *, progress: Callable[[
         if progress is not None:
             progress()
     joined = xr.concat(truth, dim="path")
-    origin = provenance("Propagation paths of all positions, traced", history, options=_options(scene))
+    origin = provenance("Traced propagation paths of all positions", history, options=_options(scene))
     joined.attrs = origin | {"frequency": scene.sounder.carrier.frequency}
     write_product({"/": joined}, out / "truth" / "paths.h5")
     return recordings

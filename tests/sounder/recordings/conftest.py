@@ -1,5 +1,6 @@
 """A small recording, and its file."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ def sounder(description):
 def recording(sounder) -> Recording:
     """Noise of the instrument, with its gain control and its clock."""
     none = {name: ("path", np.zeros(0)) for name in ("delay", "azimuth", "elevation", "coefficient")}
-    return receiver.record(
+    recorded = receiver.record(
         xr.Dataset(none),
         sounder,
         name="P 1",
@@ -30,8 +31,8 @@ def recording(sounder) -> Recording:
         rx_position=(31.06, -46.64, 1.4),
         snapshots=3,
         los=0,
-        start=1.7e9,
     )
+    return replace(recorded, time=1.7e9 + np.arange(float(recorded.valid.size)).reshape(recorded.valid.T.shape).T)
 
 
 @pytest.fixture
