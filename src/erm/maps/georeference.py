@@ -1,4 +1,4 @@
-"""Where on earth the local metres lie: a tangent plane on WGS 84, turned by a heading."""
+"""Place of the local frame on earth: a tangent plane of WGS 84, turned by a heading."""
 
 import re
 from collections.abc import Mapping
@@ -17,10 +17,10 @@ from erm.geometry.vertical import FloatArray
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-FARTHEST = 100e3
-"""Distance from the origin beyond which a place is taken for a mistake [m]."""
+MAX_DISTANCE = 100e3
+"""A point farther than this from the origin is an error [m]; chosen."""
 GEODETIC = re.compile(r"CRS:?84$|EPSG:.*:(4326|4979)$|EPSG:(4326|4979)$")
-"""Names of WGS 84 in the ``crs`` of GeoJSON older than RFC 7946, which some programs still write."""
+"""Names of WGS 84 in the member ``crs``, which RFC 7946 removed from GeoJSON and some programs still write."""
 
 
 @dataclass(frozen=True)
@@ -33,20 +33,33 @@ class Georeference:
         north = -x sin h + y cos h
         up    =  z
 
-    and from there by way of geocentric coordinates at its latitude, longitude and ellipsoidal height (EPSG
-    Guidance Note 7-2, geocentric/topocentric conversions). The local frame is a plane, not a map projection:
-    its distances are true everywhere and its vertical is that of the origin. At 1 km from there, the plane has
-    risen 0.08 m over the ellipsoid and the plumb line leans by 0.009 degree.
+    Geocentric coordinates lead from there to latitude, longitude and ellipsoidal height (EPSG Guidance Note 7-2,
+    geocentric/topocentric conversions). The local frame is a plane, not a map projection: distances in it are true,
+    and its vertical is that of the origin. At 1 km from the origin the plane is 0.08 m above the ellipsoid, and its
+    vertical differs from the plumb line by 0.009 degree.
 
     Parameters
     ----------
     latitude, longitude : float
-        Of the local (0, 0, 0), WGS 84 [degree].
+        Place of the local (0, 0, 0), WGS 84 [degree].
     height : float
-        Of the local (0, 0, 0) above the ellipsoid [m], which is not that above the sea. 100 m of it change
-        positions at 1 km by 16 mm.
+        Height of the local (0, 0, 0) above the ellipsoid, not above the sea [m]. An error of 100 m changes positions
+        at 1 km by 16 mm.
     heading : float
         Bearing of the local y axis, degrees clockwise from true north.
+
+    Raises
+    ------
+    DataError
+        A value is not finite or is out of range.
+
+    Examples
+    --------
+    >>> import erm
+    >>> frame = erm.Georeference(48.1, 11.5, heading=90.0)  # local y points east
+    >>> longitude, latitude, height = frame.to_geodetic([0.0, 1000.0])
+    >>> round(float(longitude), 5), round(float(latitude), 5), round(float(height), 2)
+    (11.51343, 48.1, 0.08)
     """
 
     latitude: float
@@ -68,7 +81,7 @@ class Georeference:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Georeference":
-        """Undo ``dataclasses.asdict``; height and heading may be absent."""
+        """Make a georeference from the result of ``dataclasses.asdict``; height and heading may be absent."""
         try:
             return cls(**{name: float(value) for name, value in values.items()})
         except DataError:
@@ -79,12 +92,12 @@ class Georeference:
             ) from error
 
     def to_geodetic(self, points: ArrayLike) -> FloatArray:
-        """Longitude, latitude [degree] and ellipsoidal height [m] (..., 3) of local points.
+        """Convert local points to longitude, latitude [degree] and ellipsoidal height [m] (..., 3).
 
         Parameters
         ----------
         points : array (..., 2) or (..., 3)
-            East, north and possibly up, local [m]; up is 0 where it is not given.
+            Local east, north and optionally up [m]; up is 0 if not given.
 
         Raises
         ------
@@ -93,16 +106,16 @@ class Georeference:
         """
         local = np.asarray(points, dtype=float)
         up = local[..., 2] if local.shape[-1] == 3 else np.zeros(local.shape[:-1])
-        east, north = np.moveaxis(local[..., :2] @ self._turn(), -1, 0)
+        east, north = np.moveaxis(local[..., :2] @ self._rotation(), -1, 0)
         return np.stack(_topocentric(self).transform(east, north, up, direction="INVERSE"), axis=-1)
 
     def to_local(self, geodetic: ArrayLike) -> FloatArray:
-        """Local points (..., 3) [m] of longitudes, latitudes [degree] and ellipsoidal heights [m].
+        """Convert longitudes, latitudes [degree] and ellipsoidal heights [m] to local points (..., 3) [m].
 
         Parameters
         ----------
         geodetic : array (..., 2) or (..., 3)
-            Without a height, the point of the local plane ``z = 0`` at that longitude and latitude.
+            Longitude, latitude and optionally height. Without a height the point lies in the local plane ``z = 0``.
 
         Raises
         ------
@@ -115,31 +128,38 @@ class Georeference:
             east, north, up = _topocentric(self).transform(longitude, latitude, given[..., 2])
         else:
             height = np.full(longitude.shape, self.height)
-            # A step leaves 1 - cos of the angle between the plumb lines, 1e-4 at 100 km where 785 m are to go:
-            # four are more than enough.
+            # each step multiplies the error by 1 - cos(angle between the plumb lines): 1e-4 at 100 km, where the
+            # first error is 785 m; four steps are more than enough
             for _ in range(4):
                 east, north, up = _topocentric(self).transform(longitude, latitude, height)
                 height = height - up
         distance = np.hypot(east, north)
-        if not (distance <= FARTHEST).all():
-            index = np.unravel_index(np.argmin(distance <= FARTHEST), distance.shape)
+        if not (distance <= MAX_DISTANCE).all():
+            index = np.unravel_index(np.argmin(distance <= MAX_DISTANCE), distance.shape)
             raise DataError(
-                f"longitude {longitude[index]}, latitude {latitude[index]} is more than {FARTHEST / 1e3:g} km from the "
-                f"origin at {self.longitude}, {self.latitude}; expected degrees in this order, near the origin"
+                f"longitude {longitude[index]}, latitude {latitude[index]} is more than {MAX_DISTANCE / 1e3:g} km from "
+                f"the origin at {self.longitude}, {self.latitude}; expected degrees in this order, near the origin"
             )
-        plane = np.stack([east, north], axis=-1) @ self._turn().T
+        plane = np.stack([east, north], axis=-1) @ self._rotation().T
         return np.concatenate([plane, up[..., None]], axis=-1)
 
-    def _turn(self) -> FloatArray:
-        """Rows: the local axes x and y in true east and north."""
+    def _rotation(self) -> FloatArray:
+        """Rotation matrix; its rows are the local axes x and y in true east and north."""
         c, s = cos(radians(self.heading)), sin(radians(self.heading))
         return np.array([[c, -s], [s, c]])
 
 
-def declared(document: Mapping[str, Any]) -> tuple[bool, Georeference | None]:
-    """Whether a GeoJSON document says that it holds longitudes and latitudes, and in which local frame to read them.
+def declared_frame(document: Mapping[str, Any]) -> tuple[bool, Georeference | None]:
+    """Read from a GeoJSON document whether it is in WGS 84, and its local frame.
 
-    The member ``georeference`` says both, an old ``crs`` that names WGS 84 only the first.
+    The member ``georeference`` tells both. An old member ``crs`` that names WGS 84 tells only the first.
+
+    Returns
+    -------
+    is_geodetic : bool
+        Coordinates are longitudes and latitudes.
+    frame : Georeference or None
+        Local frame, if the document has one.
     """
     if (place := document.get("georeference")) is not None:
         return True, Georeference.from_dict(place)
@@ -151,8 +171,8 @@ def declared(document: Mapping[str, Any]) -> tuple[bool, Georeference | None]:
 
 @lru_cache(maxsize=16)
 def _topocentric(frame: Georeference) -> "Transformer":
-    """From longitude, latitude, height to true east, north, up at the origin."""
-    pyproj = require_library("pyproj", "gis", "WGS 84", "stay in local metres")
+    """Transformation from longitude, latitude, height to true east, north, up at the origin."""
+    pyproj = require_library("pyproj", "gis", "WGS 84", "use local metres")
     return pyproj.Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84 "
         f"+step +proj=topocentric +ellps=WGS84 +lat_0={frame.latitude!r} +lon_0={frame.longitude!r} "

@@ -1,19 +1,18 @@
-"""What surfaces are made of: complex permittivity over frequency, and roughness.
+"""Materials of surfaces: complex permittivity as a function of frequency, and roughness.
 
-The shipped `LIBRARY` takes its power laws from Table 3 of ITU-R P.2040, the rows for 110-330 GHz (glass:
-100-400 GHz). Metal and asphalt have rows up to 100 and 40 GHz only and are extrapolated: harmless for metal,
-whose reflection is 1 within 0.2 % at any of these frequencies, a guess for asphalt.
+The power laws of `LIBRARY` are those of Table 3 of ITU-R P.2040, rows for 110-330 GHz (glass: 100-400 GHz). Metal and
+asphalt have rows up to 100 and 40 GHz only and are extrapolated. For metal this is harmless: its reflection is 1
+within 0.2 % at these frequencies. For asphalt it is a guess.
 
-Plaster is the letter's. It prints "correlation length 0.15, height standard deviation 1.7" without units. At
-300 GHz the wavelength is 1.0 mm and the specular amplitude falls by ``exp(-(4 pi sigma_h cos(theta) /
-lambda)**2 / 2)``. With ``sigma_h`` = 1.7 mm that is exp(-228), -1982 dB at normal incidence and still -60 dB
-at 80 degrees: no reflection would be left to sense with. With ``sigma_h`` = 0.15 mm it is exp(-1.78), -15.4
-dB at normal incidence and -3.9 dB at 60 degrees, and a correlation length of 1.7 mm gives slopes near
-sqrt(2) 0.15 / 1.7 = 0.12, a surface a trowel can leave. So the two labels are read as swapped and the unit
-as mm: height deviation 0.15 mm, correlation length 1.7 mm (compare the indoor surfaces of Jansen et al.,
-"Diffuse scattering from rough surfaces in THz communication channels", IEEE Trans. THz Sci. Technol. 1
-(2011) 462-472). Its index 1.92 - j0.059 is eps = 3.683 - j0.2266, 3.78 S/m at 300 GHz; the index is used as
-it stands at other frequencies.
+Plaster is that of the letter. It prints "correlation length 0.15, height standard deviation 1.7" without units. At 300
+GHz the wavelength is 1.0 mm and the specular amplitude falls by ``exp(-(4 pi sigma_h cos(theta) / lambda)**2 / 2)``.
+With ``sigma_h`` = 1.7 mm that is exp(-228), -1982 dB at normal incidence and -60 dB at 80 degrees: no reflection would
+be measurable. With ``sigma_h`` = 0.15 mm it is exp(-1.78), -15.4 dB at normal incidence and -3.9 dB at 60 degrees, and
+a correlation length of 1.7 mm gives slopes near sqrt(2) 0.15 / 1.7 = 0.12, which a trowel can leave. So the two values
+are taken as swapped and in mm: height deviation 0.15 mm, correlation length 1.7 mm (compare the indoor surfaces of
+Jansen et al., "Diffuse scattering from rough surfaces in THz communication channels", IEEE Trans. THz Sci. Technol. 1
+(2011) 462-472). Its index 1.92 - j0.059 is eps = 3.683 - j0.2266, 3.78 S/m at 300 GHz; the index is used as it stands
+at other frequencies.
 """
 
 from collections.abc import Mapping
@@ -30,7 +29,7 @@ from erm.common.errors import DataError
 class Material:
     """Electrical and surface properties of a reflector.
 
-    Given either as a constant ``refractive_index`` ``n = n' - j n''`` (time convention ``exp(+j 2 pi f t)``:
+    They are given either as a constant ``refractive_index`` ``n = n' - j n''`` (time convention ``exp(+j 2 pi f t)``:
     a lossy material has a negative imaginary part), or by the power laws of ITU-R P.2040 in GHz::
 
         eps_r(f) = permittivity[0] * f**permittivity[1]
@@ -40,16 +39,28 @@ class Material:
     Parameters
     ----------
     name : str
-        What environments refer to it by.
+        Name by which environments refer to the material.
     refractive_index : complex, optional
-        ``n' - j n''``; when given the power laws are not used.
+        ``n' - j n''``. If given, the power laws are not used.
     permittivity, conductivity : tuple of float
         ``(a, b)`` and ``(c, d)`` of the power laws.
     height_deviation : float
-        Standard deviation of the surface's height [m]; 0 is a mirror.
+        Standard deviation of the surface height [m]; 0 is smooth.
     correlation_length : float
-        Distance over which the height forgets itself [m]; NaN if unknown. The specular path does not
-        depend on it.
+        Correlation length of the surface height [m]; NaN if unknown. The specular path does not depend on it.
+
+    Raises
+    ------
+    DataError
+        A property is out of range.
+
+    Examples
+    --------
+    >>> import erm
+    >>> board = erm.Material("board", refractive_index=1.6 - 0.01j, height_deviation=1e-4)
+    >>> board.relative_permittivity(132e9)
+    (2.5599000000000003-0.032j)
+    >>> wall = erm.Environment.walls([[[0, 0], [9, 0]]], material="board", materials={"board": board})
     """
 
     name: str
@@ -78,7 +89,7 @@ class Material:
         return complex(a * ghz**b, -c * ghz**d / (2 * pi * frequency * epsilon_0))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON; what is unknown is left out."""
+        """Properties as plain numbers for JSON; unknown ones are left out."""
         values = asdict(self)
         n = values.pop("refractive_index")
         if n is not None:
@@ -90,7 +101,7 @@ class Material:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Material":
-        """Undo `to_dict`; an unknown or malformed property is a `DataError`."""
+        """Make a material from the result of `to_dict`; an unknown or malformed property is a `DataError`."""
         named: dict[str, Any] = dict(values)
         try:
             for pair in ("permittivity", "conductivity"):

@@ -1,4 +1,4 @@
-"""Known outlines to judge a map by: GeoJSON LineStrings and Polygons, in local metres or WGS 84, or an Environment."""
+"""Known outlines for the evaluation of maps: GeoJSON LineStrings and Polygons, or the walls of a map."""
 
 import json
 from collections.abc import Iterator
@@ -13,10 +13,10 @@ from erm.common.errors import DataError, OptionError
 from erm.geometry.vertical import FloatArray
 from erm.maps.environment import Environment
 from erm.maps.formats import read_map
-from erm.maps.georeference import Georeference, declared
+from erm.maps.georeference import Georeference, declared_frame
 
-LEAST_SPAN = 0.1
-"""An outline that spans less is not in metres but in degrees, where it is 11 km."""
+MIN_SPAN = 0.1
+"""An outline that spans less is taken to be in degrees, where 0.1 is 11 km [m]; chosen."""
 
 
 def read_outline(
@@ -28,21 +28,21 @@ def read_outline(
 ) -> FloatArray:
     """Read the wall segments of a GeoJSON outline.
 
-    Coordinates are local metres, unless the file has a member ``georeference`` or a ``crs`` that names WGS 84, or spans
-    less than 0.1: then they are longitude and latitude.
+    Coordinates are local metres. They are longitude and latitude if the file has a member ``georeference`` or a ``crs``
+    that names WGS 84, or if the outline spans less than 0.1.
 
     Parameters
     ----------
     path : path
-        A FeatureCollection, Feature or geometry; Points are passed over.
+        A FeatureCollection, Feature or geometry. Points are ignored.
     z_slice : float, optional
-        Keep features with this ``z_slice_m`` [m]. Default: the lowest slice there is. Features without the
-        property are kept.
+        Use features with this ``z_slice_m`` [m]; default: the lowest of the file. Features without the property are
+        always used.
     min_visible : float
-        Keep features of which a larger share than this is visible from a receiver
-        (``visible_from_any_rx_frac``); those without the property are kept.
+        Use features of which receivers see more than this share (``visible_from_any_rx_frac``). Features without the
+        property are always used.
     georeference : Georeference, optional
-        Local frame, the map's, to which longitudes and latitudes are taken; default the file's own.
+        Local frame of the map, for outlines in longitude and latitude; default: the frame in the file.
 
     Returns
     -------
@@ -52,8 +52,8 @@ def read_outline(
     Raises
     ------
     DataError
-        The file is missing, is not GeoJSON, no wall is left after the filters, or it is in WGS 84 and there is no
-        origin.
+        The file is missing or not GeoJSON, no wall is left after the filters, or the outline is in WGS 84 and no origin
+        is known.
     """
     path = Path(path)
     if z_slice is not None and not isfinite(z_slice):
@@ -88,13 +88,13 @@ def read_outline(
         raise DataError(f"{path}: no LineString or Polygon is left{known}; relax z_slice or min_visible")
     points = np.asarray(segments, dtype=float)
     try:
-        geodetic, own = declared(document)
-        if not geodetic and np.ptp(points, axis=(0, 1)).max() >= LEAST_SPAN:
+        geodetic, own = declared_frame(document)
+        if not geodetic and np.ptp(points, axis=(0, 1)).max() >= MIN_SPAN:
             return points
         frame = georeference or own
         if frame is None:
             raise DataError(
-                "is in degrees and its origin is not known; give it metres, or the map an origin (erm export)"
+                "is in degrees and no origin is known; write it in metres, or give the map an origin (erm export)"
             )
         return frame.to_local(points)[..., :2]
     except DataError as error:
@@ -108,7 +108,7 @@ def known_faces(
     min_visible: float = 0.0,
     georeference: Georeference | None = None,
 ) -> FloatArray:
-    """Read the faces (segment, 2 ends, 2) of an outline, or the walls of a true map, by the suffix [m].
+    """Read known faces (segment, 2 ends, 2) from an outline or a map, chosen by the suffix [m].
 
     The options are those of `read_outline`.
 
@@ -121,14 +121,14 @@ def known_faces(
         return read_outline(path, z_slice=z_slice, min_visible=min_visible, georeference=georeference)
     faces = outline_of(read_map(path), georeference)
     if len(faces) == 0:
-        raise DataError(f"{path}: holds no wall; expected some to judge by")
+        raise DataError(f"{path}: holds no wall; expected known faces")
     return faces
 
 
 def outline_of(environment: Environment, georeference: Georeference | None = None) -> FloatArray:
     """Wall segments (segment, 2 ends, 2) of an environment [m]; poles have none.
 
-    They are in the frame of ``georeference`` where this is given and the environment has one, too.
+    If both ``georeference`` and the environment's own are given, the segments are in the frame of ``georeference``.
     """
     table = environment.reflectors
     ends = table["end_points"].values[table["kind"].values == "wall"]
@@ -139,7 +139,7 @@ def outline_of(environment: Environment, georeference: Georeference | None = Non
 
 
 def _property(feature: Any, name: str) -> float | None:
-    """The value of a feature's property, None where it has none."""
+    """Property of a feature; None if it has none."""
     return (feature.get("properties") or {}).get(name) if isinstance(feature, dict) else None
 
 

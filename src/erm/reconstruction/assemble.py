@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from erm.maps.environment import Environment, Slab, make_reflectors
+from erm.maps.environment import Environment, Slab
 from erm.maps.materials import Material
+from erm.maps.reflectors import make_reflectors
 from erm.mpcs.reasons import Reason
 from erm.reconstruction.decision.decide import Verdict
 from erm.reconstruction.model.extent import MOST_MARGIN, ends_of

@@ -11,11 +11,12 @@ import pytest
 from scipy.constants import epsilon_0
 
 from erm.common.errors import DataError
-from erm.maps.environment import Environment, Slab, make_reflectors
+from erm.maps.environment import Environment, Slab
 from erm.maps.formats import ply, read_map, write_map
 from erm.maps.formats.ply import joined
 from erm.maps.formats.surfaces import Surface, extrude
 from erm.maps.materials import LIBRARY, Material
+from erm.maps.reflectors import make_reflectors
 
 MICROMETRE = 1e-6  # half of which drawings are rounded to
 

@@ -8,9 +8,11 @@ import pytest
 import xarray as xr
 
 from erm.common.errors import DataError
-from erm.maps.environment import Environment, Slab, make_reflectors, unit
+from erm.geometry.vertical import unit
+from erm.maps.environment import Environment, Slab
 from erm.maps.formats import read_map, write_map
 from erm.maps.materials import Material
+from erm.maps.reflectors import make_reflectors
 
 SUFFIXES = (".h5", ".geojson", ".gpkg", ".csv")
 
@@ -127,7 +129,7 @@ def test_a_csv_needs_end_points_alone(tmp_path):
         ("a.csv", "kind\nwall\n", "no column first_east"),
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1\n", "row 1 has 3 cells"),
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1,x\n", "column second_north"),
-        ("a.csv", "first_east,first_north,second_east,second_north\n1,1,1,1\n", "no length"),
+        ("a.csv", "first_east,first_north,second_east,second_north\n1,1,1,1\n", "length 0"),
         ("a.shp", "text", "unknown format"),
     ],
 )
@@ -209,7 +211,7 @@ def test_a_pole_that_is_known_better_in_one_direction_is_so_in_the_turned_one():
     [
         ({"kind": "fence"}, "neither a wall nor a pole"),
         ({"kind": "pole"}, "positive radius"),
-        ({"base": 3.0, "top": 2.0}, "top not above"),
+        ({"base": 3.0, "top": 2.0}, "top that is not above"),
         ({"material": "cheese"}, "unknown material 'cheese'"),
     ],
 )

@@ -8,9 +8,10 @@ import numpy as np
 
 from erm.common.errors import DataError
 from erm.common.storage import provenance
-from erm.maps.environment import DEFAULT_MATERIAL, Environment, Slab, make_reflectors
+from erm.maps.environment import Environment, Slab
 from erm.maps.georeference import Georeference
 from erm.maps.materials import Material
+from erm.maps.reflectors import DEFAULT_MATERIAL, make_reflectors
 
 if TYPE_CHECKING:
     import xarray as xr

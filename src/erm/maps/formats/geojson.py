@@ -15,7 +15,7 @@ import numpy as np
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path
 from erm.maps.formats.columns import COVARIANCES, DEFAULTS, ENDS, Columns
-from erm.maps.georeference import Georeference, declared
+from erm.maps.georeference import Georeference, declared_frame
 
 DIGITS = 11  # of a degree: a micrometre
 SHAPES = {"wall": "LineString", "pole": "Point"}
@@ -61,7 +61,7 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise DataError(f"{path}: feature {index} is neither a LineString nor a Point ({error!r})") from error
     columns = table_of_rows(rows)
-    geodetic, frame = declared(document)
+    geodetic, frame = declared_frame(document)
     if frame:
         local = frame.to_local(np.stack([columns[name] for name in ENDS], axis=-1).reshape(-1, 2, 2))[..., :2]
         columns |= dict(zip(ENDS, local.reshape(-1, 4).T, strict=True))

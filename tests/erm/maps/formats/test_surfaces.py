@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from erm.geometry.vertical import unit
-from erm.maps.environment import Environment, Slab, make_reflectors
+from erm.maps.environment import Environment, Slab
 from erm.maps.formats.surfaces import Surface, extrude
+from erm.maps.reflectors import make_reflectors
 
 
 def surfaces_of(place: Environment, *, height: float = 30.0, margin: float = 50.0) -> list[Surface]:
