@@ -13,7 +13,7 @@ from scipy.constants import epsilon_0
 from erm.common.errors import DataError
 from erm.maps.environment import Environment, Slab
 from erm.maps.formats import ply, read_map, write_map
-from erm.maps.formats.ply import joined
+from erm.maps.formats.ply import joined_mesh
 from erm.maps.formats.surfaces import Surface, extrude
 from erm.maps.materials import LIBRARY, Material
 from erm.maps.reflectors import make_reflectors
@@ -66,7 +66,7 @@ def test_a_ply_holds_every_surface_and_says_which_reflector_it_is(tmp_path):
     write_map(place_of(), tmp_path / "map.ply", height=25.0, margin=7.0)
     vertices, faces, properties = read_ply(tmp_path / "map.ply")
     surfaces = surfaces_of(place_of(), height=25.0, margin=7.0)
-    expected, corners = joined(surfaces)
+    expected, corners = joined_mesh(surfaces)
     np.testing.assert_allclose(vertices, expected, rtol=0, atol=MICROMETRE)
     np.testing.assert_array_equal(faces[:, :3], corners)
     assert properties == ["vertex_indices", "reflector"]
@@ -77,7 +77,7 @@ def test_an_obj_holds_every_surface_as_an_object_of_its_material(tmp_path):
     write_map(place_of(), tmp_path / "map.obj")
     rows = [line.split() for line in (tmp_path / "map.obj").read_text().splitlines()]
     surfaces = surfaces_of(place_of())
-    expected, corners = joined(surfaces)
+    expected, corners = joined_mesh(surfaces)
     vertices = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
     faces = np.array([row[1:] for row in rows if row[0] == "f"], dtype=int)
     np.testing.assert_allclose(vertices, expected, rtol=0, atol=MICROMETRE)
@@ -109,7 +109,7 @@ def test_a_scene_has_one_mesh_a_material(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"map.xml", *(mesh for _, mesh in shapes.values())}
     for name, (_, mesh) in shapes.items():
         vertices, faces, properties = read_ply(tmp_path / mesh)
-        own, corners = joined([s for s in surfaces if s.material == name.removeprefix("mesh-faces-")])
+        own, corners = joined_mesh([s for s in surfaces if s.material == name.removeprefix("mesh-faces-")])
         np.testing.assert_allclose(vertices, own, rtol=0, atol=MICROMETRE)
         np.testing.assert_array_equal(faces, corners)
         assert properties == ["vertex_indices"]

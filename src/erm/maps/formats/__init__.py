@@ -1,4 +1,4 @@
-"""Environments on disk: a format is one module, chosen by the suffix."""
+"""Maps on disk. Each format is one module; the suffix of the file chooses it."""
 
 from collections.abc import Callable
 from math import inf
@@ -21,11 +21,11 @@ Reader = Callable[[Path], tuple["Columns", dict[str, Any]]]
 
 HDF5, GEOJSON = (".h5", ".hdf5", ".nc"), (".geojson", ".json")
 MAPS = (*HDF5, *GEOJSON, ".gpkg", ".csv")
-"""Formats that are written and read."""
+"""Suffixes of the formats that are written and read."""
 DRAWINGS = (".dxf", ".obj", ".ply", ".xml")
-"""Formats that are written only: they hold shapes, not what is known about them."""
+"""Suffixes of the formats that are only written. They hold shapes without errors and support."""
 HEIGHT, MARGIN, FREQUENCY = 30.0, 50.0, 132e9
-"""Defaults of `write_map`."""
+"""Defaults of `write_map` for drawings [m], [m], [Hz]; heights and margins are chosen."""
 
 
 def write_map(
@@ -60,6 +60,15 @@ def write_map(
     ------
     DataError
         The suffix names no format, the folder is not writable, or an optional library is missing.
+
+    Examples
+    --------
+    >>> import erm
+    >>> from tempfile import TemporaryDirectory
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=20.0)
+    >>> with TemporaryDirectory() as folder:
+    ...     erm.write_map(street, f"{folder}/street.geojson")
+    ...     erm.write_map(street, f"{folder}/street.obj", margin=10.0)  # a drawing
     """
     from erm.maps.formats.columns import to_columns, to_scene
 
@@ -90,6 +99,16 @@ def read_map(path: Path | str) -> "Environment":
     ------
     DataError
         The file is missing, is not what its suffix says, or breaks a rule of environments.
+
+    Examples
+    --------
+    >>> import erm
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     erm.write_map(erm.Environment.walls([[[-60, 10], [60, 10]]]), f"{folder}/street.csv")
+    ...     environment = erm.read_map(f"{folder}/street.csv")
+    >>> environment.reflectors["end_points"].values.tolist()
+    [[[-60.0, 10.0], [60.0, 10.0]]]
     """
     from erm.maps.formats.columns import to_environment
 
@@ -109,14 +128,14 @@ def read_map(path: Path | str) -> "Environment":
 
 
 def require_format(path: Path) -> None:
-    """Refuse a file that `write_map` cannot write, before anything is computed.
+    """Refuse a file that `write_map` cannot write. Call it before anything is computed.
 
     Raises
     ------
     OptionError
         The suffix names no format.
     DataError
-        The format's library is missing.
+        The library of the format is not installed.
     """
     require_suffix(path, *MAPS, *DRAWINGS)
     suffix = path.suffix.lower()
@@ -153,7 +172,7 @@ def _draw(environment: "Environment", path: Path, height: float, margin: float, 
 
 
 def _format_of(path: Path) -> tuple[Writer, Reader]:
-    """Return the pair (writer, reader) of one of `MAPS`; each format is imported when used."""
+    """Writer and reader of one of `MAPS`; each format is imported when it is used."""
     suffix = path.suffix.lower()
     if suffix in HDF5:
         from erm.maps.formats import hdf5

@@ -1,4 +1,4 @@
-"""An environment as flat columns and a few scene-wide facts: what every format stores."""
+"""An environment as flat columns and properties of the whole scene: what every map format stores."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 Columns = dict[str, np.ndarray]
 
 ENDS = ("first_east", "first_north", "second_east", "second_north")
-# where each stands: variable, row and column
 COVARIANCES = {
     "normal_variance": ("covariance", 0, 0),
     "normal_offset_covariance": ("covariance", 0, 1),
@@ -28,18 +27,19 @@ COVARIANCES = {
     "east_north_covariance": ("centre_covariance", 0, 1),
     "north_variance": ("centre_covariance", 1, 1),
 }
+"""Variable, row and column of each column of a covariance."""
 NUMBERS = ("radius", "base", "top", "normal", "offset", "residual")
-# what stands in a column that a hand-made file leaves out
 DEFAULTS: Mapping[str, object] = {
     "kind": "wall", "radius": 0.0, "base": 0.0, "top": np.inf, "normal": np.nan, "offset": np.nan,
     **dict.fromkeys(COVARIANCES, np.nan), "support": 0, "residual": np.nan, "material": DEFAULT_MATERIAL,
 }  # fmt: skip
-# what a missing number (JSON null, empty cell) in a column that is there means
+"""Values of columns that a hand-made file leaves out."""
 MISSING: Mapping[str, float] = {"radius": 0.0, "base": -np.inf, "top": np.inf, "support": 0.0}
+"""Values of missing numbers (JSON null, empty cell) in columns that exist."""
 
 
 def to_columns(reflectors: "xr.Dataset") -> Columns:
-    """Flatten the reflector table; every column has the length of the table."""
+    """Flatten the reflector table to columns (reflector,)."""
     ends = reflectors.end_points.values.reshape(-1, 4)
     columns: Columns = {"kind": reflectors.kind.values.astype(str)}
     columns |= {name: ends[:, i] for i, name in enumerate(ENDS)}
@@ -64,7 +64,7 @@ def to_scene(environment: Environment) -> dict[str, Any]:
 
 
 def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
-    """Undo `to_columns` and `to_scene`; columns that are absent get their defaults."""
+    """Make an environment from the results of `to_columns` and `to_scene`; missing columns get their defaults."""
     if absent := [name for name in ENDS if name not in columns]:
         raise DataError(f"no column {absent[0]}; expected {', '.join(ENDS)}")
     count = len(columns[ENDS[0]])
@@ -98,7 +98,7 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
 
 
 def number(columns: Columns, name: str, count: int) -> np.ndarray:
-    """Column of numbers; absent columns and missing cells get what they stand for."""
+    """Column of numbers; missing columns and cells get the values of `DEFAULTS` and `MISSING`."""
     if name not in columns:
         return np.full(count, DEFAULTS[name], dtype=float)
     try:

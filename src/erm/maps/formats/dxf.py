@@ -8,23 +8,23 @@ from types import ModuleType
 from erm.common.optional import require_library
 from erm.common.storage import atomic_path
 from erm.maps.environment import Environment
-from erm.maps.formats.surfaces import extrude, spans
+from erm.maps.formats.surfaces import extrude, finite_edges
 
 
 def write(environment: Environment, path: Path, *, height: float, margin: float) -> None:
-    """Write a drawing in metres; ``height`` and ``margin`` are those of `erm.maps.formats.surfaces.extrude`.
+    """Write a drawing in metres; ``height`` and ``margin`` are options of `erm.maps.formats.surfaces.extrude`.
 
-    On the layer ``walls`` lines at the foot of each wall, on ``poles`` circles that are extruded to the pole's
-    height, on ``wall_faces``, ``ground`` and ``ceiling`` 3-D faces.
+    Layers: ``walls`` has a line at the base of each wall; ``poles`` has circles that are extruded to the height of the
+    pole; ``wall_faces``, ``ground`` and ``ceiling`` have 3-D faces.
     """
     ezdxf = library(path)
-    with _no_time_of_day(ezdxf):
+    with _fixed_metadata(ezdxf):
         drawing = ezdxf.new("R2010", units=ezdxf.units.M)
         for colour, layer in enumerate(("walls", "wall_faces", "poles", "ground", "ceiling"), start=1):
             drawing.layers.add(layer, color=colour)
         space = drawing.modelspace()
         table = environment.reflectors
-        base, top = spans(environment, height)
+        base, top = finite_edges(environment, height)
         for index, ends in enumerate(table.end_points.values.tolist()):
             first, second = ([*end, base[index]] for end in ends)
             if table.kind.values[index] == "pole":
@@ -41,8 +41,8 @@ def write(environment: Environment, path: Path, *, height: float, margin: float)
 
 
 @contextmanager
-def _no_time_of_day(ezdxf: ModuleType) -> Iterator[None]:
-    """Keep date and random identifiers out of the file: the same map gives the same bytes."""
+def _fixed_metadata(ezdxf: ModuleType) -> Iterator[None]:
+    """Write no date and no random identifiers: the same map gives the same bytes."""
     before = ezdxf.options.write_fixed_meta_data_for_testing
     ezdxf.options.write_fixed_meta_data_for_testing = True
     try:
@@ -52,5 +52,5 @@ def _no_time_of_day(ezdxf: ModuleType) -> Iterator[None]:
 
 
 def library(path: Path) -> ModuleType:
-    """Return ezdxf, or raise a DataError that says what brings it."""
+    """Import ezdxf, or raise a DataError that says how to install it."""
     return require_library("ezdxf", "cad", f"{path}: DXF", "choose .obj or .geojson")

@@ -1,7 +1,7 @@
 """Environment as GeoJSON: walls are LineStrings, poles Points.
 
-Coordinates are local metres, or, of an environment with a georeference, WGS 84 as RFC 7946 wants them: longitude and
-latitude of the points in the local plane z = 0.
+Coordinates are local metres. For an environment with a georeference they are longitude and latitude in WGS 84, as
+RFC 7946 requires, of points in the local plane z = 0.
 """
 
 import json
@@ -17,12 +17,13 @@ from erm.common.storage import atomic_path
 from erm.maps.formats.columns import COVARIANCES, DEFAULTS, ENDS, Columns
 from erm.maps.georeference import Georeference, declared_frame
 
-DIGITS = 11  # of a degree: a micrometre
+DIGITS = 11
+"""Decimal digits of longitude and latitude [degree]: 1 micrometre."""
 SHAPES = {"wall": "LineString", "pole": "Point"}
 
 
 def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
-    """Write a FeatureCollection; a number that is not finite becomes null, which JSON has in its place."""
+    """Write a FeatureCollection. Numbers that are not finite become null, as JSON has none."""
     ends = np.stack([columns[name] for name in ENDS], axis=-1).astype(float).reshape(-1, 2, 2)
     if scene["georeference"]:
         try:
@@ -43,7 +44,7 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
-    """Undo `write`; of a hand-drawn file, a LineString of many points becomes several walls."""
+    """Read a file of `write`, or a hand-drawn one. A LineString of many points becomes several walls."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
@@ -52,7 +53,7 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
         raise DataError(f"{path}: not a GeoJSON FeatureCollection of walls (LineString) and poles (Point)")
     features = document.get("features", [])
     if not isinstance(features, list):
-        raise DataError(f"{path}: features is no list; expected walls (LineString) and poles (Point)")
+        raise DataError(f"{path}: features is not a list; expected walls (LineString) and poles (Point)")
     rows: list[dict[str, Any]] = []
     for index, feature in enumerate(features):
         try:
@@ -66,29 +67,27 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
         local = frame.to_local(np.stack([columns[name] for name in ENDS], axis=-1).reshape(-1, 2, 2))[..., :2]
         columns |= dict(zip(ENDS, local.reshape(-1, 4).T, strict=True))
     elif geodetic:
-        raise DataError(
-            f"{path}: is in WGS 84; say where the local origin is by a member georeference, beside features"
-        )
+        raise DataError(f"{path}: is in WGS 84 without a local origin; add the member georeference beside features")
     return columns, document
 
 
 def rows_of_shape(kind: str, points: list[list[float]], properties: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Rows of the reflectors one shape stands for: a Point is a pole, each piece of a LineString a wall."""
+    """Rows of the reflectors of one shape: a Point is a pole, each segment of a LineString is a wall."""
     row = dict(properties)
     if kind == "Point":
-        # A Point's coordinates are numbers where a LineString's are lists, which the type cannot tell apart.
+        # coordinates of a Point are numbers, those of a LineString are lists; the type does not say which
         points = [points, points] if np.isscalar(points[0]) else [*points, *points]  # type: ignore[list-item]
         row.setdefault("kind", "pole")
     elif kind != "LineString" or len(points) < 2:
         raise ValueError(kind)
-    if len(points) > 2:  # one normal cannot be right for several walls
+    if len(points) > 2:  # several walls cannot have one normal
         row = {name: value for name, value in row.items() if name not in ("normal", "offset", *COVARIANCES)}
     ends = [[*first[:2], *second[:2]] for first, second in pairwise(points)]
     return [row | dict(zip(ENDS, map(float, four), strict=True)) for four in ends]
 
 
 def table_of_rows(rows: list[dict[str, Any]]) -> Columns:
-    """Columns of rows; what a row leaves out gets its default."""
+    """Columns of rows; missing values get their defaults."""
     columns: Columns = {name: np.array([row[name] for row in rows], dtype=float) for name in ENDS}
     for name in DEFAULTS:
         if any(name in row for row in rows):

@@ -14,12 +14,12 @@ from erm.maps.formats.columns import DEFAULTS, ENDS, Columns
 from erm.maps.formats.geojson import rows_of_shape, table_of_rows
 
 LAYER = "reflectors"
-# a plane without a place on earth, so that GIS programs do not guess one
 LOCAL_METRES = 'LOCAL_CS["local metres",UNIT["metre",1],AXIS["east",EAST],AXIS["north",NORTH]]'
+"""Coordinate system without a place on earth; without any, GIS programs would guess one."""
 
 
 def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
-    """Write one layer of lines and points; ground, ceiling and materials as its metadata."""
+    """Write one layer of lines and points. Ground, ceiling and materials are its metadata."""
     pyogrio = library(path)
     import shapely
 
@@ -44,7 +44,7 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
-    """Undo `write`; of a file drawn elsewhere, the first layer."""
+    """Read a file of `write`, or the first layer of any other file."""
     pyogrio = library(path)
     import shapely
 
@@ -67,6 +67,6 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
 
 
 def library(path: Path) -> ModuleType:
-    """Return pyogrio, or raise a DataError that says what brings it."""
+    """Import pyogrio, or raise a DataError that says how to install it."""
     require_library("pyogrio.raw", "gis", f"{path}: GeoPackage", "choose .geojson")
     return require_library("pyogrio", "gis", f"{path}: GeoPackage", "choose .geojson")

@@ -1,4 +1,4 @@
-"""Environment as netCDF4-compatible HDF5: the reflector table with its units, scene facts as attributes."""
+"""Environment as netCDF4-compatible HDF5: the reflector table with units; properties of the scene as attributes."""
 
 import json
 from pathlib import Path
@@ -22,9 +22,9 @@ SCENE = ("ground", "ceiling", "materials", "georeference")
 
 
 def write(columns: Columns, scene: dict[str, Any], path: Path, mpcs: "xr.Dataset | None" = None) -> None:
-    """Write columns as variables over ``reflector``; ground, ceiling and materials as JSON attributes.
+    """Write columns as variables along ``reflector``. Ground, ceiling and materials are JSON attributes.
 
-    Components that the map was made from, if given, become the group ``/mpc``.
+    MPCs that the map was made from, if given, become the group ``/mpc``.
     """
     import xarray as xr
 
@@ -39,12 +39,12 @@ def write(columns: Columns, scene: dict[str, Any], path: Path, mpcs: "xr.Dataset
         if name in UNITS:
             table[name].attrs["units"] = UNITS[name]
         elif name in ("kind", "material"):
-            table[name].encoding["dtype"] = str  # an empty table of objects would not say it holds words
+            table[name].encoding["dtype"] = str  # an empty table of objects does not tell that it holds text
     write_product({"/": table} if mpcs is None else {"/": table, "/mpc": mpcs}, path)
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
-    """Undo `write`."""
+    """Read a file of `write`."""
     table = open_group(path)
     if "reflector" not in table.dims:
         raise DataError(f"{path}: holds no reflectors; expected an environment")
@@ -52,6 +52,6 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     try:
         scene = {name: json.loads(attributes.pop(name, "null")) for name in SCENE}
     except (TypeError, json.JSONDecodeError) as error:
-        raise DataError(f"{path}: attributes of the scene are not JSON ({error}); write it anew") from error
+        raise DataError(f"{path}: attributes of the scene are not JSON ({error}); write the map again") from error
     columns = {name: np.asarray(table[name].values) for name in (*ENDS, *DEFAULTS) if name in table}
     return columns, scene | {"attributes": attributes}

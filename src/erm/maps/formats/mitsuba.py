@@ -1,9 +1,9 @@
-"""Surfaces as a scene of Mitsuba 3 for the ray tracer Sionna RT: an XML file, and a PLY mesh beside it a material.
+"""Surfaces as a scene of Mitsuba 3 for the ray tracer Sionna RT: an XML file and one PLY mesh per material.
 
-Sionna RT knows a material by the id of its ``bsdf``: ``mat-itu_concrete`` and its like are looked up in ITU-R
-P.2040 at the frequency of the simulation, anything else must be a ``radio-material`` of constant permittivity and
-conductivity. Both are taken for slabs of 0.1 m, which at millimetre waves and above let as little through as the
-half-spaces of `erm.tracing.trace`.
+Sionna RT identifies a material by the id of its ``bsdf``. It looks up ``mat-itu_concrete`` and similar ids in ITU-R
+P.2040 at the frequency of the simulation. Any other material must be a ``radio-material`` of constant permittivity and
+conductivity. Sionna RT treats both as slabs of 0.1 m; at millimetre waves and above these transmit as little as the
+half-spaces of `erm.trace`.
 """
 
 import re
@@ -20,7 +20,6 @@ from erm.maps.formats import ply
 from erm.maps.formats.surfaces import Surface
 from erm.maps.materials import LIBRARY, Material
 
-# GHz at which Sionna RT 2 has a row of ITU-R P.2040 for the name; it refuses to simulate at others
 ITU_BANDS: Mapping[str, tuple[tuple[float, float], ...]] = {
     "concrete": ((1, 100), (110, 330)),
     "brick": ((1, 40), (110, 330)),
@@ -30,36 +29,37 @@ ITU_BANDS: Mapping[str, tuple[tuple[float, float], ...]] = {
     "marble": ((1, 60), (100, 400)),
     "metal": ((1, 100),),
 }
+"""Frequency ranges of the rows of ITU-R P.2040 in Sionna RT 2, which refuses other frequencies [GHz]."""
 
 
 def write(surfaces: Sequence[Surface], materials: Mapping[str, Material], frequency: float, path: Path) -> None:
-    """Write the scene whole or not at all.
+    """Write the scene completely or not at all.
 
-    All files take their places after the last has been written, the XML after the meshes it names.
+    All files are renamed to their names after the last one was written; the XML is the last to be renamed.
 
     Parameters
     ----------
     surfaces : sequence of Surface
     materials : mapping of name to Material
-        At least those of the surfaces.
+        Materials of the surfaces, or more.
     frequency : float
-        At which materials that Sionna RT does not know, or not there, are made constant [Hz].
+        Materials that Sionna RT does not know at this frequency get their constants at it [Hz].
     path : path
-        The XML file; the meshes are called ``STEM-MATERIAL.ply``.
+        The XML file. The meshes are named ``STEM-MATERIAL.ply``.
     """
     scene = ElementTree.Element("scene", version="2.1.0")
     scene.append(ElementTree.Comment(f" {SOFTWARE}; metres, z up; constant materials are those at {frequency:g} Hz "))
     used = sorted({surface.material for surface in surfaces})
     stems = _file_names(used)
     with ExitStack() as files:
-        document = files.enter_context(atomic_path(path))  # entered first, so moved last
+        document = files.enter_context(atomic_path(path))  # entered first, so renamed last
         for name in used:
             mesh = path.with_name(f"{path.stem}-{stems[name]}.ply")
-            text = ply.text_of([surface for surface in surfaces if surface.material == name], tagged=False)
+            text = ply.mesh_text([surface for surface in surfaces if surface.material == name], tagged=False)
             files.enter_context(atomic_path(mesh)).write_text(text, encoding="ascii")
             bsdf = _bsdf(materials[name], frequency)
             scene.append(bsdf)
-            # Sionna RT drops the prefixes mesh- and mat- and wants what is left to differ.
+            # Sionna RT removes the prefixes mesh- and mat- and requires different remaining ids
             shape = ElementTree.SubElement(scene, "shape", type="ply", id=f"mesh-faces-{name}")
             ElementTree.SubElement(shape, "string", name="filename", value=mesh.name)
             ElementTree.SubElement(shape, "boolean", name="face_normals", value="true")
@@ -69,7 +69,7 @@ def write(surfaces: Sequence[Surface], materials: Mapping[str, Material], freque
 
 
 def _file_names(materials: Sequence[str]) -> dict[str, str]:
-    """For each material a name that every file system and URL takes, no two the same."""
+    """Different names of the materials, valid in every file system and URL."""
     names: dict[str, str] = {}
     for material in materials:
         plain = re.sub(r"[^A-Za-z0-9._-]+", "-", material)
@@ -78,11 +78,11 @@ def _file_names(materials: Sequence[str]) -> dict[str, str]:
 
 
 def _bsdf(material: Material, frequency: float) -> ElementTree.Element:
-    """A material by its ITU name where Sionna RT knows it, else by its constants at the frequency."""
+    """Material by its ITU name if Sionna RT knows it at the frequency, else by its constants."""
     name = material.name
     bands = ITU_BANDS.get(name, ()) if material == LIBRARY.get(name) else ()
     if any(low <= frequency / 1e9 <= high for low, high in bands):
-        # Sionna RT goes by the id alone; what is inside lets Mitsuba itself load the scene.
+        # Sionna RT uses the id only; the content lets Mitsuba itself load the scene
         bsdf = ElementTree.Element("bsdf", type="twosided", id=f"mat-itu_{name}")
         diffuse = ElementTree.SubElement(bsdf, "bsdf", type="diffuse")
         ElementTree.SubElement(diffuse, "rgb", name="reflectance", value="0.5 0.5 0.5")
@@ -92,7 +92,7 @@ def _bsdf(material: Material, frequency: float) -> ElementTree.Element:
         "relative_permittivity": permittivity.real,
         "conductivity": -permittivity.imag * 2 * pi * frequency * epsilon_0,
     }
-    # Sionna RT refuses its own names for other materials, and takes any that starts with itu for its own.
+    # Sionna RT refuses its own names for other materials, and claims all names that start with itu
     bsdf = ElementTree.Element("bsdf", type="radio-material", id=f"mat-{frequency / 1e9:g}GHz-{name}")
     for property_, value in constants.items():
         ElementTree.SubElement(bsdf, "float", name=property_, value=f"{value:.6g}")

@@ -1,4 +1,4 @@
-"""Surfaces as Wavefront OBJ, metres, z up: an object each, named after what it is."""
+"""Surfaces as Wavefront OBJ, metres, z up. Each surface is one object."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,10 +11,10 @@ from erm.maps.formats.surfaces import Surface
 def write(surfaces: Sequence[Surface], path: Path) -> None:
     """Write objects ``wall_0``, ``pole_1`` ... ``ground``, ``ceiling`` with their material, to the micrometre."""
     lines = [f"# {SOFTWARE}; metres, z up"]
-    start = 1  # OBJ counts vertices of the whole file, from one
+    start = 1  # OBJ counts the vertices of the whole file from 1
     for surface in surfaces:
         lines.append(f"o {surface.kind}_{surface.index}" if surface.index >= 0 else f"o {surface.kind}")
-        lines.append(f"usemtl {quote(surface.material)}")  # a blank would end the name
+        lines.append(f"usemtl {quote(surface.material)}")  # a space would end the name
         lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in surface.vertices]
         lines += ["f {} {} {}".format(*corners) for corners in surface.faces + start]
         start += len(surface.vertices)

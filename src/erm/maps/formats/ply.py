@@ -22,14 +22,14 @@ property list uchar int vertex_indices
 
 
 def write(surfaces: Sequence[Surface], path: Path) -> None:
-    """Write one mesh; the face property ``reflector`` is the index of the surface."""
+    """Write one mesh. The face property ``reflector`` is the index of the surface."""
     with atomic_path(path) as temporary:
-        temporary.write_text(text_of(surfaces, tagged=True), encoding="ascii")
+        temporary.write_text(mesh_text(surfaces, tagged=True), encoding="ascii")
 
 
-def text_of(surfaces: Sequence[Surface], *, tagged: bool) -> str:
-    """Text of a mesh, to the micrometre; ``tagged`` faces have the property ``reflector``."""
-    vertices, faces = joined(surfaces)
+def mesh_text(surfaces: Sequence[Surface], *, tagged: bool) -> str:
+    """Mesh as PLY text, to the micrometre; ``tagged`` faces have the property ``reflector``."""
+    vertices, faces = joined_mesh(surfaces)
     tags = np.concatenate([np.zeros(0, int), *(np.full(len(surface.faces), surface.index) for surface in surfaces)])
     head = HEADER.format(
         software=SOFTWARE,
@@ -44,7 +44,7 @@ def text_of(surfaces: Sequence[Surface], *, tagged: bool) -> str:
     return head + "".join(corners) + "".join(f"{triangle}\n" for triangle in triangles)
 
 
-def joined(surfaces: Sequence[Surface]) -> tuple[np.ndarray, np.ndarray]:
+def joined_mesh(surfaces: Sequence[Surface]) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (vertex, 3) and faces (face, 3) of all surfaces as one mesh."""
     starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
     vertices = [np.zeros((0, 3)), *(surface.vertices for surface in surfaces)]

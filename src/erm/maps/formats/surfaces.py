@@ -1,4 +1,4 @@
-"""Reflectors as surfaces in space: walls as rectangles, poles as prisms, ground and ceiling as plates."""
+"""Reflectors as triangle meshes: walls are rectangles, poles prisms, ground and ceiling plates."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ from erm.geometry.vertical import FloatArray, unit
 from erm.maps.environment import CEILING, GROUND, Environment, Slab
 
 POLE_SIDES = 16
+"""Sides of the prism of a pole; chosen."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Surface:
     vertices : array (vertex, 3)
         East, north, up [m].
     faces : array (face, 3) of int
-        Vertices of each triangle, counter-clockwise seen from outside.
+        Vertices of each triangle, counter-clockwise as seen from outside.
     """
 
     index: int
@@ -36,24 +37,24 @@ class Surface:
 
 
 def extrude(environment: Environment, *, height: float, margin: float) -> list[Surface]:
-    """Surfaces of all reflectors, then of ground and ceiling, each with vertices of its own.
+    """Surfaces of all reflectors, then of ground and ceiling. Each has its own vertices.
 
-    A wall is a plane without thickness, meant to be seen from both sides: two triangles that face the way of
-    its ``normal``. A pole is a closed prism of 16 sides around its axis, corners on its radius, facing outward;
-    its volume is ``8 sin(pi/8) / pi`` = 97.4 % of the cylinder's. The ground faces up, the ceiling down. Both are
-    rectangles along the axes that reach ``margin`` beyond the reflectors (beyond the origin, if there is none).
+    A wall has no thickness: two triangles that face the direction of ``normal``. A pole is a closed prism of 16 sides
+    whose corners lie on its radius; its volume is ``8 sin(pi/8) / pi`` = 97.4 % of the cylinder's. The ground faces up,
+    the ceiling down. Both are rectangles along the axes that extend ``margin`` beyond the reflectors, or beyond the
+    origin if there are none.
 
     Parameters
     ----------
     environment : Environment
     height : float
-        Height above the ground where a wall or pole without end is cut [m], unless there is a ceiling to cut it;
-        one that begins above the cut is this high.
+        Walls and poles without upper edge end at this height above the ground [m], or at the ceiling if there is one.
+        One whose base is higher has this height above its base.
     margin : float
-        Reach of ground and ceiling beyond the reflectors [m].
+        How far ground and ceiling extend beyond the reflectors [m].
     """
     table = environment.reflectors
-    base, top = spans(environment, height)
+    base, top = finite_edges(environment, height)
     ends, radius, normal = table.end_points.values, table.radius.values, table.normal.values
     surfaces = []
     for index, (kind, material) in enumerate(zip(table.kind.values, table.material.values, strict=True)):
@@ -70,8 +71,8 @@ def extrude(environment: Environment, *, height: float, margin: float) -> list[S
     return surfaces
 
 
-def spans(environment: Environment, height: float) -> tuple[FloatArray, FloatArray]:
-    """Finite heights of the lower and the upper edges (reflector,) [m], see `extrude`."""
+def finite_edges(environment: Environment, height: float) -> tuple[FloatArray, FloatArray]:
+    """Finite heights of lower and upper edges (reflector,) [m]; see `extrude`."""
     table = environment.reflectors
     base, top = table.base.values, table.top.values
     floor = environment.ground.height if environment.ground else 0.0
@@ -88,9 +89,9 @@ def _fan(corners: int) -> np.ndarray:
 
 
 def _rectangle(ends: FloatArray, normal: float, base: float, top: float) -> tuple[FloatArray, np.ndarray]:
-    """Two triangles that face the way of the normal."""
+    """Two triangles that face the direction of the normal."""
     along = ends[1] - ends[0]
-    # Corners in this order turn about the right of first -> second end.
+    # in this order the corners turn counter-clockwise as seen from the right of first -> second end
     right = np.array([along[1], -along[0]])
     if unit(normal) @ right < 0:
         ends = ends[::-1]
@@ -99,7 +100,7 @@ def _rectangle(ends: FloatArray, normal: float, base: float, top: float) -> tupl
 
 
 def _prism(centre: FloatArray, radius: float, base: float, top: float) -> tuple[FloatArray, np.ndarray]:
-    """Closed prism: its lower ring of corners, then its upper."""
+    """Closed prism: lower ring of corners, then upper ring."""
     ring = centre + radius * unit(np.arange(POLE_SIDES) * 360 / POLE_SIDES)
     low = np.arange(POLE_SIDES)
     after = (low + 1) % POLE_SIDES
@@ -111,7 +112,7 @@ def _prism(centre: FloatArray, radius: float, base: float, top: float) -> tuple[
 
 
 def _plate(environment: Environment, slab: Slab, margin: float) -> FloatArray:
-    """Corners of a level rectangle under or over everything, counter-clockwise from above."""
+    """Corners of a horizontal rectangle below or above all reflectors, counter-clockwise as seen from above."""
     table = environment.reflectors
     points, reach = table.end_points.values, table.radius.values[:, None, None]
     extremes = np.concatenate([points - reach, points + reach]).reshape(-1, 2) if len(points) else np.zeros((1, 2))

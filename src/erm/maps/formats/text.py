@@ -1,4 +1,4 @@
-"""Environment as CSV, a row a reflector; ground, ceiling and materials in one comment line above."""
+"""Environment as CSV, one row per reflector. Ground, ceiling and materials are one comment line above."""
 
 import csv
 import json
@@ -11,13 +11,14 @@ from erm.common.errors import DataError
 from erm.common.storage import atomic_path
 from erm.maps.formats.columns import Columns
 
-MARK = "# environment "
+COMMENT = "# environment "
+"""First words of the comment line."""
 
 
 def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
-    """Write numbers so that they read back bit for bit; infinite ones as ``inf``, unknown ones blank."""
+    """Write numbers exactly; infinite ones as ``inf``, unknown ones blank."""
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"{MARK}{json.dumps(scene, allow_nan=False)}\n")
+        file.write(f"{COMMENT}{json.dumps(scene, allow_nan=False)}\n")
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(columns)
         for row in zip(*columns.values(), strict=True):
@@ -25,12 +26,12 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
-    """Undo `write`; the comment line may be absent."""
+    """Read a file of `write`; the comment line may be absent."""
     scene: dict[str, Any] = {}
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-        if lines and lines[0].startswith(MARK):
-            scene = json.loads(lines[0].removeprefix(MARK))
+        if lines and lines[0].startswith(COMMENT):
+            scene = json.loads(lines[0].removeprefix(COMMENT))
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise DataError(f"{path}: not a CSV of reflectors ({error})") from error
     try:
@@ -38,7 +39,7 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     except csv.Error as error:
         raise DataError(f"{path}: not a CSV of reflectors ({error})") from error
     if not rows:
-        raise DataError(f"{path}: empty; expected a header and a row a reflector")
+        raise DataError(f"{path}: empty; expected a header and one row per reflector")
     header, *body = rows
     for index, row in enumerate(body):
         if len(row) != len(header):
