@@ -169,14 +169,14 @@ def test_the_scene_takes_its_place_after_its_meshes(tmp_path, monkeypatch):
 def test_a_scene_that_fails_leaves_the_old_one(tmp_path, monkeypatch):
     write_map(place_of(0), tmp_path / "map.xml")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    real = ply.text_of
+    real = ply.mesh_text
 
     def third_fails(surfaces, *, tagged):
         if surfaces[0].material == "glass":
             raise MemoryError
         return real(surfaces, tagged=tagged)
 
-    monkeypatch.setattr(ply, "text_of", third_fails)
+    monkeypatch.setattr(ply, "mesh_text", third_fails)
     with pytest.raises(MemoryError):
         write_map(place_of(1), tmp_path / "map.xml")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

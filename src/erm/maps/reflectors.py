@@ -1,0 +1,150 @@
+"""The table of reflectors: walls and poles with their uncertainty, one `xarray.Dataset` along ``reflector``."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from erm.common.errors import DataError
+from erm.geometry.vertical import unit
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DEFAULT_MATERIAL = "concrete"
+VARIABLES: Mapping[str, tuple[tuple[str, ...], str, str]] = {
+    "kind": ((), "", "wall or pole"),
+    "end_points": (("end", "xy"), "m", "end points, east and north"),
+    "radius": ((), "m", "radius of a pole"),
+    "base": ((), "m", "height of the lower edge"),
+    "top": ((), "m", "height of the upper edge"),
+    "normal": ((), "degree", "azimuth of the face normal"),
+    "offset": ((), "m", "distance of the wall from the origin along its normal"),
+    "covariance": (("parameter", "parameter_2"), "", "covariance of normal [degree] and offset [m]"),
+    "centre_covariance": (("xy", "xy_2"), "m2", "covariance of the centre of a pole, east and north"),
+    "support": ((), "1", "number of MPCs of the reflector"),
+    "residual": ((), "1", "chi-squared of these MPCs per degree of freedom"),
+    "material": ((), "", "name of the material"),
+}
+"""Further dimensions, unit and description of each variable."""
+
+
+def make_reflectors(
+    end_points: ArrayLike,
+    *,
+    kind: ArrayLike = "wall",
+    radius: ArrayLike = 0.0,
+    base: ArrayLike = 0.0,
+    top: ArrayLike = np.inf,
+    normal: ArrayLike = np.nan,
+    offset: ArrayLike = np.nan,
+    covariance: ArrayLike = np.nan,
+    centre_covariance: ArrayLike = np.nan,
+    support: ArrayLike = 0,
+    residual: ArrayLike = np.nan,
+    material: ArrayLike = DEFAULT_MATERIAL,
+) -> "xr.Dataset":
+    """Make a table of reflectors. Single values apply to all reflectors.
+
+    A wall through ``p`` with normal azimuth ``phi`` is the line ``n.p = offset``, ``n = (cos phi, sin phi)``.
+    Where ``normal`` or ``offset`` of a wall is NaN, both follow from the end points. The normal then points to the
+    left of first -> second end, so into a polygon that is drawn counter-clockwise.
+
+    Parameters
+    ----------
+    end_points : array (reflector, 2, 2)
+        End points, east/north [m]; both are the centre for a pole.
+    kind : array (reflector,) of {"wall", "pole"}
+    radius : array (reflector,)
+        Radius of a pole [m]; 0 for a wall.
+    base, top : array (reflector,)
+        Heights of the lower and upper edge [m]; may be infinite.
+    normal, offset : array (reflector,)
+        Azimuth of the normal [degree] and ``n.p`` [m]; NaN for poles.
+    covariance : array (reflector, 2, 2)
+        Covariance of (normal [degree], offset [m]); NaN if unknown, and for poles.
+    centre_covariance : array (reflector, 2, 2)
+        Covariance of the centre of a pole, (east, north) [m2]; NaN if unknown, and for walls.
+    support : array (reflector,) of int
+        Number of MPCs that the reflector was made from; 0 for a drawn one.
+    residual : array (reflector,)
+        Chi-squared of these MPCs per degree of freedom; NaN if unknown.
+    material : array (reflector,) of str
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimension ``reflector``, possibly of length 0.
+
+    Raises
+    ------
+    DataError
+        The end points have another shape.
+    """
+    import xarray as xr
+
+    ends = np.asarray(end_points, dtype=float)
+    ends = ends.reshape(-1, 2, 2) if ends.size == 0 else ends
+    if ends.ndim != 3 or ends.shape[1:] != (2, 2):
+        raise DataError(f"end points of shape {ends.shape}; expected (reflector, 2 ends, 2 coordinates)")
+    count = len(ends)
+    columns: dict[str, np.ndarray] = {"end_points": ends}
+    given: tuple[tuple[str, ArrayLike, type, tuple[int, ...]], ...] = (
+        ("kind", kind, str, ()),
+        ("radius", radius, float, ()),
+        ("base", base, float, ()),
+        ("top", top, float, ()),
+        ("normal", normal, float, ()),
+        ("offset", offset, float, ()),
+        ("covariance", covariance, float, (2, 2)),
+        ("centre_covariance", centre_covariance, float, (2, 2)),
+        ("support", support, np.int64, ()),
+        ("residual", residual, float, ()),
+        ("material", material, str, ()),
+    )
+    for name, value, dtype, shape in given:
+        columns[name] = np.array(np.broadcast_to(np.asarray(value, dtype=dtype), (count, *shape)))
+
+    along = ends[:, 1] - ends[:, 0]
+    azimuth = np.degrees(np.arctan2(along[:, 0], -along[:, 1])) % 360  # the left of `along`
+    derived = (columns["kind"] == "wall") & (np.isnan(columns["normal"]) | np.isnan(columns["offset"]))
+    columns["normal"] = np.where(derived, azimuth, columns["normal"] % 360)
+    columns["offset"] = np.where(derived, (unit(columns["normal"]) * ends[:, 0]).sum(-1), columns["offset"])
+    return xr.Dataset(
+        {
+            name: (
+                ("reflector", *dims),
+                columns[name],
+                {"long_name": text} | ({"units": units} if units else {}),
+            )
+            for name, (dims, units, text) in VARIABLES.items()
+        }
+    )
+
+
+def check_reflectors(table: "xr.Dataset") -> None:
+    """Refuse a table that breaks a rule.
+
+    Raises
+    ------
+    DataError
+        The message names the first reflector that breaks a rule, and the rule.
+    """
+    if missing := [name for name in VARIABLES if name not in table]:
+        raise DataError(f"reflectors lack {', '.join(missing)}; make them with make_reflectors")
+    kind = table.kind.values
+    ends = table.end_points.values
+    is_wall = kind == "wall"
+    length = np.hypot(*np.moveaxis(ends[:, 1] - ends[:, 0], -1, 0))
+    base, top = table.base.values, table.top.values
+    rules = (
+        (is_wall | (kind == "pole"), "is neither a wall nor a pole"),
+        (np.isfinite(ends).all(axis=(1, 2)), "has end points that are not finite numbers"),
+        (~is_wall | (length > 0), "is a wall of length 0"),
+        (is_wall | (table.radius.values > 0), "is a pole without a positive radius"),
+        (base < top, "has a top that is not above its base"),
+    )
+    for holds, problem in rules:
+        if not holds.all():
+            raise DataError(f"reflector {int(np.argmin(holds))} {problem}")
