@@ -1,0 +1,92 @@
+"""The examples of the documents run as they stand: Python blocks, and command lines whose files exist.
+
+They run in a copy of the project's data with the output of a small demo, one document after the other: Python in the
+project's folder, commands in ``demo-output``. A block may be prepared by another that readers do not see, a comment
+``<!-- invisible-code-block: python``; `Sybil <https://sybil.readthedocs.io>`_ finds both.
+"""
+
+import glob
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+from sybil import Example, Sybil
+from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
+
+PROJECT = Path(__file__).parents[1]
+DOCUMENTS = ["README.md", "CONTRIBUTING.md", "calibration/README.md"]
+DOCUMENTS += sorted(f"docs/{path.relative_to(PROJECT / 'docs')}" for path in (PROJECT / "docs").rglob("*.md"))
+RECEIVERS = {"RX1_L", "RX2_L", "RX5_L", "RX7_L", "RX9_L", "RX11_L"}  # of the demo; what the documents name, and two
+READ = (".h5", ".csv", ".toml", ".geojson")
+WRITTEN = ("--out", "--rps", "--figure")  # what follows these is made by the command
+STUDY = "erm letter"  # ten minutes; `tests/sounder/campaign/test_letter_study.py` runs all parts of it
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("documents")]
+
+
+def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a line of shell with the commands of this environment."""
+    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    return subprocess.run(command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory) -> Path:
+    """Folder with the project's data, and in ``demo-output`` what ``make demo`` leaves of a few receivers."""
+    folder = tmp_path_factory.mktemp("project")
+    for name in ("calibration", "examples"):
+        shutil.copytree(PROJECT / name, folder / name)
+    scene = folder / "examples" / "scenes" / "uma.toml"
+    head, *receivers = re.split(r"(?=^\[\[receivers\]\])", scene.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    last, rest = re.split(r"(?=^\[environment)", receivers.pop(), maxsplit=1, flags=re.MULTILINE)
+    kept = [text for text in [*receivers, last] if re.search(r'name = "(\w+)"', text)[1] in RECEIVERS]
+    head = head.replace("snapshots = 8", "snapshots = 1")
+    scene.write_text("".join([head, *kept, rest]), encoding="utf-8")
+    demo = "sounder simulate examples/scenes/uma.toml --out demo-output"
+    process = "sounder process raw/*.h5 --calibration back-to-back.h5 --out products"
+    for command, place in ((demo, folder), (process, folder / "demo-output")):
+        done = run(command, place)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def absent(line: str, folder: Path) -> list[str]:
+    """Files that a command line reads and that are not there."""
+    words = shlex.split(line, comments=True)
+    read = [word for before, word in pairwise(words) if word.endswith(READ) and before not in WRITTEN]
+    return [word for word in read if not glob.glob(word, root_dir=folder)]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_examples_of_documents_run(document, project, monkeypatch, subtests):
+    folder = project / "demo-output"
+
+    def shell(example: Example) -> None:
+        for line in example.parsed.splitlines():
+            if not re.match(r"(sounder|erm) ", line):
+                continue
+            with subtests.test(line):
+                if line.startswith(STUDY) or (missing := absent(line, folder)):
+                    pytest.skip(f"{document}: {line}: {'takes long' if line.startswith(STUDY) else missing}")
+                done = run(line, folder)
+                assert done.returncode == 0, f"{line}\n{done.stderr}"
+
+    def write(example: Example) -> None:
+        # a file whose name stands in the line above its content
+        above = example.document.text[: example.region.start].rstrip().splitlines()[-1]
+        if name := re.match(r"`(\w+\.toml)`", above):
+            (folder / name[1]).write_text(example.parsed, encoding="utf-8")
+
+    monkeypatch.chdir(project)
+    parsers = [PythonCodeBlockParser(), CodeBlockParser("sh", shell), CodeBlockParser("toml", write)]
+    for example in Sybil(parsers).parse(PROJECT / document).examples():
+        with subtests.test(f"line {example.line}"):
+            example.evaluate()
+    plt.close("all")
