@@ -8,7 +8,7 @@ from erm.common.console import counted
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
 from sounder.instrument.waveform import identify, is_same_sequence
-from sounder.processing.summary import Lines, line_of_sight, metres
+from sounder.processing.summary_texts import Lines, line_of_sight, metres
 from sounder.recordings.recording import CLIPPED_SHARE, BackToBack, Recording, clipped_share
 
 

@@ -10,13 +10,12 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike
 
 from erm.common.console import counted
 from erm.common.errors import DataError
 from erm.common.storage import SOFTWARE, open_hdf5
+from sounder.processing.summary_texts import Lines, line_of_sight, metres
 
-Lines = list[tuple[str, str]]
 Table = tuple[Sequence[str], Iterable[Sequence[object]]]
 """Header and rows."""
 
@@ -140,13 +139,3 @@ def _other(file: h5py.File) -> Lines | None:
     axes = {name: len(node) for name, node in file.items() if getattr(node, "is_scale", False) and name != "xyz"}
     holds = ", ".join(counted(length, name) for name, length in axes.items())
     return [*((label, str(text)) for label, text in labelled if text), ("holds", holds), ("software", source)]
-
-
-def line_of_sight(los: int) -> str:
-    """Write 1, 0 or -1 as yes, no or not known."""
-    return {1: "yes", 0: "no"}.get(los, "not known")
-
-
-def metres(position: ArrayLike) -> str:
-    """Write a position (3,) [m]."""
-    return ", ".join(f"{value:z.2f}" for value in np.asarray(position)) + " m"
