@@ -16,7 +16,7 @@ from sounder.figures.products import daps_polar
 from sounder.instrument.description import Sounder
 from sounder.instrument.waveform import PRIMITIVE_POLYNOMIALS
 from sounder.options import Options
-from sounder.processing.position import products_of
+from sounder.processing.position import process_recording
 from sounder.twin.receiver import record
 from sounder.twin.scene import Scene, load_scene
 from sounder.twin.simulate import back_to_back_of, environment_of
@@ -64,7 +64,7 @@ def measure(campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable
             seed=scene.seed,
         )
         filter_ = filter_ or calibrate(b2b, recording)
-        groups, _ = products_of(recording, filter_, Options())
+        groups, _ = process_recording(recording, filter_, Options())
         found = groups["/mpc"]
         columns: dict[str, ArrayLike] = {**columns_of_product(found)}
         where: dict[str, ArrayLike] = {"position": link.name, "los": recording.los, "frequency": campaign.frequency}

@@ -1,4 +1,4 @@
-"""Positions in parallel processes, by dask: on this machine, or on a running cluster."""
+"""Positions in parallel processes by dask, on this machine or on a running cluster."""
 
 import signal
 import threading
@@ -15,17 +15,17 @@ from erm.common.errors import DataError
 from erm.common.storage import clear_leftovers
 from sounder.kernels.compiler.compile import processors
 from sounder.options import Options
-from sounder.processing.jobs import Job, Source, reopen
-from sounder.processing.position import Filters, Outcome, process_position
+from sounder.processing.jobs import Job, Source, reopen_job
+from sounder.processing.position import FilterCache, Outcome, process_position
 
 if TYPE_CHECKING:
     from distributed import Client
 
 RETRIES = 3
-"""Times a position is tried again after its worker was lost."""
+"""How often a position is tried again after its worker was lost. Chosen; not derived."""
 
 
-def run(
+def process_on_workers(
     pairs: Sequence[tuple[Job, Path]],
     options: Options,
     *,
@@ -33,20 +33,20 @@ def run(
     threads: int | None,
     scheduler: str | None,
 ) -> Iterator[Outcome]:
-    """Process positions on dask workers and yield what became of each, in order.
+    """Process positions on dask workers, and yield their outcomes in order.
 
-    Only names travel: a worker opens the files itself and writes the product itself, whole or not at all, so a
-    worker that is lost costs no more than its positions' second try.
+    Workers receive file names only. They open the files and write the products themselves, completely or not at all. If
+    a worker is lost, its positions are tried again.
 
     Parameters
     ----------
     pairs : sequence of (Job, Path)
-        Each position and its product.
+        Each position and the path of its product.
     options : Options
     workers : int
-        Processes to start; of no effect with ``scheduler``.
+        Processes to start. It has no effect with ``scheduler``.
     threads : int, optional
-        Threads in each process; default an equal share of the processors.
+        Threads in each process. Default: an equal share of the processors.
     scheduler : str, optional
         Address of a running scheduler.
 
@@ -63,8 +63,8 @@ def run(
         raise DataError("--workers and --scheduler need the extra: pip install 'sounder-to-map[cluster]'") from None
     with ExitStack() as stack:
         if scheduler is None:
-            _warm(pairs[0][0])
-            with _deaf_to_interrupts():
+            _compile_kernels(pairs[0][0])
+            with _interrupts_ignored():
                 cluster = stack.enter_context(
                     LocalCluster(
                         n_workers=min(workers, len(pairs)),
@@ -90,9 +90,9 @@ def run(
 
 
 @contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Let processes that start meanwhile ignore Ctrl-C: it is this process's to end them."""
-    if threading.current_thread() is not threading.main_thread():  # only there may handlers be set
+def _interrupts_ignored() -> Iterator[None]:
+    """Start processes that ignore Ctrl-C, so that this process ends them."""
+    if threading.current_thread() is not threading.main_thread():  # handlers can be set in the main thread only
         yield
         return
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -106,25 +106,25 @@ def _connect(client: type["Client"], scheduler: str) -> "Client":
     try:
         return client(scheduler, timeout="10s")
     except (OSError, ValueError) as error:
-        raise DataError(f"{scheduler}: no dask scheduler answers ({error}); start one with: dask scheduler") from None
+        raise DataError(f"{scheduler}: no dask scheduler answers ({error}); start one with `dask scheduler`") from None
 
 
 def _work(source: Source, target: Path, options: Options, threads: int | None) -> Outcome:
     try:
-        job = reopen(source)
+        job = reopen_job(source)
     except DataError as error:
         return Outcome(failures=[str(error)])
     return process_position(job, target, options, filters=_filters(), threads=threads)
 
 
 @cache
-def _filters() -> Filters:
+def _filters() -> FilterCache:
     """Filters of this worker."""
-    return Filters()
+    return FilterCache()
 
 
-def _warm(job: Job) -> None:
-    """Compile the kernels here, once, so that the workers find them in the cache."""
+def _compile_kernels(job: Job) -> None:
+    """Compile the kernels once, in this process, so that the workers find them in the cache."""
     from sounder.instrument.waveform import chips
     from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
     from sounder.mpc.extract import extract
@@ -135,5 +135,5 @@ def _warm(job: Job) -> None:
     shape = {"azimuth": 1, "elevation": 1, "delay": sounder.waveform.samples}
     coords = {name: np.arange(size) for name, size in shape.items()}
     silence = np.zeros(tuple(shape.values()), np.complex64)
-    with suppress(DataError):  # each position will say what is wrong with its calibration
-        extract(xr.Dataset({"cir": (tuple(shape), silence)}, coords=coords), Filters().of(job), sounder)
+    with suppress(DataError):  # processing the positions will report what is wrong with the calibration
+        extract(xr.Dataset({"cir": (tuple(shape), silence)}, coords=coords), FilterCache().get(job), sounder)

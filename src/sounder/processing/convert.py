@@ -1,23 +1,24 @@
-"""Recordings in any readable format to native ones."""
+"""Conversion of recordings in any readable format to native recordings."""
 
 from pathlib import Path
 
+from erm.common.console import counted
 from erm.common.errors import DataError
-from sounder.processing.jobs import open_file, refusals
-from sounder.processing.pipeline import Targets
+from sounder.processing.jobs import failure_lines, open_file
+from sounder.processing.pipeline import OutputPaths
 from sounder.processing.position import Outcome
 from sounder.recordings.writer import write_back_to_back, write_recording
 
 
 def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: Path | None = None) -> Outcome:
-    """Write the positions of a file as native recordings, and the back-to-back it holds as a native one.
+    """Write the positions of a file, and the back-to-back it holds, as native recordings.
 
     Parameters
     ----------
     path : Path
         File in any readable format.
     out : Path
-        A ``.h5`` file for one position and nothing else; otherwise a folder.
+        A ``.h5`` file if ``path`` holds one position and nothing else; otherwise a folder.
     layout, sounder : Path, optional
         As for :func:`sounder.processing.jobs.gather`.
 
@@ -28,15 +29,16 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
     Raises
     ------
     DataError
-        The file cannot be read, or holds more than one file can take.
+        The file cannot be read, or holds more than fits into one file.
     """
     found, b2b = open_file(path, layout=layout, sounder=sounder)
-    outcome = Outcome(failures=refusals(path, found))
+    outcome = Outcome(failures=failure_lines(path, found))
     recordings = [item for item in found if not isinstance(item, DataError)]
     single = out.suffix == ".h5"
     if single and (len(recordings) > 1 or b2b is not None):
-        raise DataError(f"{path}: holds {len(recordings)} positions and more; pass a folder as --out, not {out}")
-    targets = Targets(out.parent if single else out, [path])
+        held = counted(len(recordings), "position") + (" and a back-to-back" if b2b is not None else "")
+        raise DataError(f"{path}: holds {held}; --out is the file {out}, expected a folder")
+    targets = OutputPaths(out.parent if single else out, [path])
     for recording in recordings:
         try:
             target = targets.claim(recording, name=out.stem if single else None)

@@ -1,4 +1,4 @@
-"""Files to jobs: each position with the back-to-back it is calibrated with."""
+"""From files to jobs: each position with the back-to-back that calibrates it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from sounder.recordings.recording import BackToBack, Recording
 
 @dataclass(frozen=True)
 class Source:
-    """Where a recording came from: enough to open it again in another process.
+    """Where a recording came from; enough to open it again in another process.
 
     Attributes
     ----------
     path : Path
         Recording file.
     position : int
-        Place among the file's positions.
+        Index of the position in the file.
     calibration, layout, sounder : Path or None
         As passed to :func:`gather`.
     """
@@ -37,7 +37,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Job:
-    """A recording, the back-to-back it is calibrated with, and where they came from."""
+    """A recording, the back-to-back that calibrates it, and the files that they came from."""
 
     recording: Recording
     b2b: BackToBack
@@ -51,18 +51,18 @@ def gather(
     layout: Path | str | None = None,
     sounder: Path | str | None = None,
 ) -> tuple[list[Job], list[str]]:
-    """Open recordings and find the back-to-back of each.
+    """Open recordings and find the back-to-back that calibrates each.
 
     Parameters
     ----------
     paths : sequence of path
-        Files, one or many positions each.
+        Recordings, with one or many positions each.
     calibration : path, optional
-        Native back-to-back file; goes before one inside a recording file.
+        Native back-to-back recording. It replaces one that a recording file holds.
     layout : path, optional
-        How the files are laid out, for foreign ones.
+        Layout of the files, if they are foreign.
     sounder : path, optional
-        Sounder description; default for foreign files is the shipped one, for native ones their own.
+        Sounder description. Default: for native files their own, for foreign files the shipped one.
 
     Returns
     -------
@@ -73,11 +73,20 @@ def gather(
     Raises
     ------
     DataError
-        The calibration, the layout or the description cannot be used, so nothing can.
+        The calibration, the layout or the description cannot be used, so no recording can.
+
+    Examples
+    --------
+    >>> import sounder
+    >>> from sounder import shipped
+    >>> b2b = shipped.calibration("back-to-back-132ghz.h5")
+    >>> jobs, failures = sounder.gather(["absent.h5"], calibration=b2b)
+    >>> jobs, failures
+    ([], ['absent.h5: no such file'])
     """
     calibration, layout, sounder = (None if path is None else Path(path) for path in (calibration, layout, sounder))
     if calibration is not None and not calibration.exists():
-        raise DataError(f"{calibration}: no such file; expected a back-to-back recording; {_shipped()}")
+        raise DataError(f"{calibration}: no such file; expected a back-to-back recording; {_shipped_calibration()}")
     b2b = None if calibration is None else native.back_to_back(calibration)
     if layout is not None:
         load_layout(layout)
@@ -89,11 +98,11 @@ def gather(
         try:
             found, inside = open_file(path, layout=layout, sounder=sounder)
             if (own := b2b or inside) is None:
-                raise DataError(_uncalibrated(path))
+                raise DataError(_no_calibration(path))
         except DataError as error:
             failures.append(str(error))
             continue
-        failures += refusals(path, found)
+        failures += failure_lines(path, found)
         jobs += [
             Job(item, own, Source(path, position, calibration, layout, sounder))
             for position, item in enumerate(found)
@@ -102,26 +111,26 @@ def gather(
     return jobs, failures
 
 
-def refusals(path: Path, found: Sequence[Recording | DataError]) -> list[str]:
-    """One line for each thing that is wrong with positions of a file from :func:`open_file`."""
-    return told_once([(str(item), path) for item in found if isinstance(item, DataError)], [path] * len(found))
+def failure_lines(path: Path, found: Sequence[Recording | DataError]) -> list[str]:
+    """One line for each error of positions of a file, from :func:`open_file`."""
+    return merge_failures([(str(item), path) for item in found if isinstance(item, DataError)], [path] * len(found))
 
 
-def told_once(failures: Sequence[tuple[str, Path]], positions: Sequence[Path]) -> list[str]:
-    """Say what failed alike in several positions once, with their number.
+def merge_failures(failures: Sequence[tuple[str, Path]], positions: Sequence[Path]) -> list[str]:
+    """Merge failures of several positions that read the same into one line with their number.
 
     Parameters
     ----------
     failures : sequence of (str, Path)
-        What failed, and the file of the position.
+        Failure, and the file of its position.
     positions : sequence of Path
-        The file of every position, those that did not fail included.
+        File of each position, whether it failed or not.
     """
-    alike: dict[str, list[Path]] = {}
+    files_of: dict[str, list[Path]] = {}
     for failure, file in failures:
-        alike.setdefault(failure, []).append(file)
+        files_of.setdefault(failure, []).append(file)
     lines = []
-    for failure, files in alike.items():
+    for failure, files in files_of.items():
         one_file = len(set(files)) == 1
         total = positions.count(files[0]) if one_file else len(positions)
         count = f"all {total}" if len(files) == total else f"{len(files)} of {total}"
@@ -138,9 +147,9 @@ def open_file(
     Returns
     -------
     recordings : sequence of Recording or DataError
-        One a position; what cannot be used stands as its error.
+        One for each position; the error in place of a position that cannot be used.
     b2b : BackToBack or None
-        Where a foreign file holds one.
+        The one that a foreign file holds.
 
     Raises
     ------
@@ -150,46 +159,46 @@ def open_file(
     described = None if sounder is None else load_sounder(sounder)
     if layout is None:
         return open_recordings(path, described), None
-    plan = load_layout(layout)
-    base = described or _unnamed(layout)
-    return foreign.recordings(path, plan, base), foreign.back_to_back(path, plan, base)
+    where = load_layout(layout)
+    base = described or _default_description(layout)
+    return foreign.recordings(path, where, base), foreign.back_to_back(path, where, base)
 
 
-def _unnamed(layout: Path) -> Sounder:
-    """The shipped description as what a layout overrides; the instrument is another, so its name is not kept."""
+def _default_description(layout: Path) -> Sounder:
+    """Shipped description, for a layout to override. It describes another instrument, so its name is not kept."""
     return load_sounder(shipped.calibration("sounder-132ghz.toml")).model_copy(
         update={"name": f"sounder of {layout.name}"}
     )
 
 
-def reopen(source: Source) -> Job:
-    """Open a position again, where its job cannot be passed on.
+def reopen_job(source: Source) -> Job:
+    """Open a position again, in a process to which its job cannot be sent.
 
     Raises
     ------
     DataError
-        The files are no longer what they were.
+        The files changed since the job was made, and cannot be used.
     """
-    found, inside = _opened(source.path, source.layout, source.sounder)
+    found, inside = _open_file(source.path, source.layout, source.sounder)
     b2b = inside if source.calibration is None else _calibration(source.calibration)
     recording = found[source.position]
     if isinstance(recording, DataError):
         raise recording
     if b2b is None:
-        raise DataError(_uncalibrated(source.path))
+        raise DataError(_no_calibration(source.path))
     return Job(recording, b2b, source)
 
 
-def _uncalibrated(path: Path) -> str:
-    return f"{path}: no back-to-back capture; pass one with --calibration; {_shipped()}"
+def _no_calibration(path: Path) -> str:
+    return f"{path}: no back-to-back capture; pass one with --calibration; {_shipped_calibration()}"
 
 
-def _shipped() -> str:
-    return f"the synthetic one that ships is {shipped.calibration('back-to-back-132ghz.h5')}"
+def _shipped_calibration() -> str:
+    return f"the shipped synthetic one is {shipped.calibration('back-to-back-132ghz.h5')}"
 
 
 @lru_cache(maxsize=8)
-def _opened(
+def _open_file(
     path: Path, layout: Path | None, sounder: Path | None
 ) -> tuple[Sequence[Recording | DataError], BackToBack | None]:
     return open_file(path, layout=layout, sounder=sounder)

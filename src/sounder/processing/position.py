@@ -1,4 +1,4 @@
-"""One position: from its recording to its product, or to what is wrong with it."""
+"""One position: from its recording to its product, or to an error."""
 
 import json
 from dataclasses import dataclass, field
@@ -22,18 +22,18 @@ from sounder.recordings.recording import Recording
 
 @dataclass
 class Outcome:
-    """What became of a batch.
+    """Result of processing one or many positions.
 
     Attributes
     ----------
     products : list of Path
-        Written files.
+        Products, written or kept.
     failures : list of str
-        One line each: what could not be processed, or only in part.
+        One line for each position, or part of one, that could not be processed.
     notes : list of str
-        One line each: what was processed although something was missing.
+        One line for each position that was processed although something was missing.
     already : int
-        How many of the products were there and were not made again.
+        Number of the products that existed and were kept.
     """
 
     products: list[Path] = field(default_factory=list)
@@ -42,14 +42,14 @@ class Outcome:
     already: int = 0
 
 
-class Filters:
-    """De-embedding filters made so far; the positions of a campaign share one."""
+class FilterCache:
+    """De-embedding filters, made once for all positions with the same back-to-back, description and scale factor."""
 
     def __init__(self) -> None:
         self._made: dict[tuple[Path, str, float], Deembedding] = {}
 
-    def of(self, job: Job) -> Deembedding:
-        """Return the filter of a job, made when it is first asked for."""
+    def get(self, job: Job) -> Deembedding:
+        """Filter for a job."""
         recording = job.recording
         key = (job.b2b.source, recording.sounder.model_dump_json(), recording.scale_factor)
         if key not in self._made:
@@ -58,62 +58,62 @@ class Filters:
 
 
 def process_position(
-    job: Job, target: Path, options: Options, *, filters: Filters, threads: int | None = None
+    job: Job, target: Path, options: Options, *, filters: FilterCache, threads: int | None = None
 ) -> Outcome:
-    """Process one position into its product; what is wrong with it is told, not raised."""
+    """Process one position into its product. Errors of its data are returned, not raised."""
     recording = job.recording
     try:
-        groups, problems = products_of(recording, filters.of(job), options, threads=threads)
-        said = {"failures": remarks.failures(recording, groups, problems), "notes": remarks.notes(recording, groups)}
-        groups["/"].attrs.update(_origin(job, options), **{name: json.dumps(lines) for name, lines in said.items()})
+        groups, problems = process_recording(recording, filters.get(job), options, threads=threads)
+        lines = {"failures": remarks.failures(recording, groups, problems), "notes": remarks.notes(recording, groups)}
+        groups["/"].attrs.update(_provenance(job, options), **{name: json.dumps(each) for name, each in lines.items()})
         write_product(groups, target)
     except DataError as error:
         return Outcome(failures=[str(error)])
-    return _outcome(recording, target, said)
+    return _outcome(recording, target, lines)
 
 
-def made_before(job: Job, target: Path, options: Options) -> Outcome | None:
-    """What became of a position whose product is there and would be made the same again; None if it is to be made.
+def existing_product(job: Job, target: Path, options: Options) -> Outcome | None:
+    """Outcome of a position whose product exists and would be made the same again; None if it must be made.
 
-    The same is made of the same input files with the same options by the same version of the software. Files are the
-    same if their hashes are; sizes and times could be those of other contents.
+    It is the same if input files, options and the version of the software are the same. Files are compared by their
+    SHA-256, since different contents can have one size and time.
     """
     recording = job.recording
     try:
         root = open_group(target)
-        said = {name: list(json.loads(root.attrs[name])) for name in ("failures", "notes")}
+        lines = {name: list(json.loads(root.attrs[name])) for name in ("failures", "notes")}
         found = root["position"].values.tolist(), *(root[f"{end}_position"].values.tolist() for end in ("tx", "rx"))
-    except (DataError, KeyError, TypeError, ValueError):  # of another version, or none of ours
+    except (DataError, KeyError, TypeError, ValueError):  # made by another version, or by other software
         return None
-    # a file can hold many positions, and a description what is in no input: the cut of an antenna
-    asked = [recording.name], [recording.tx_position.tolist()], [recording.rx_position.tolist()]
-    origin = _origin(job, options) | {"sounder": recording.sounder.model_dump_json()}
-    if found != asked or any(root.attrs.get(name) != value for name, value in origin.items()):
+    # a file can hold many positions, and a description can hold what is in no input: the cut of an antenna
+    expected = [recording.name], [recording.tx_position.tolist()], [recording.rx_position.tolist()]
+    origin = _provenance(job, options) | {"sounder": recording.sounder.model_dump_json()}
+    if found != expected or any(root.attrs.get(name) != value for name, value in origin.items()):
         return None
-    return _outcome(recording, target, said, already=1)
+    return _outcome(recording, target, lines, already=1)
 
 
-def _outcome(recording: Recording, target: Path, said: dict[str, list[str]], already: int = 0) -> Outcome:
-    lines = {name: [f"{recording.source}: {recording.name}: {line}" for line in told] for name, told in said.items()}
-    return Outcome(products=[target], failures=lines["failures"], notes=lines["notes"], already=already)
+def _outcome(recording: Recording, target: Path, lines: dict[str, list[str]], already: int = 0) -> Outcome:
+    named = {name: [f"{recording.source}: {recording.name}: {line}" for line in each] for name, each in lines.items()}
+    return Outcome([target], named["failures"], named["notes"], already)
 
 
-def products_of(
+def process_recording(
     recording: Recording, filter_: Deembedding, options: Options, *, threads: int | None = None
 ) -> tuple[dict[str, xr.Dataset], list[Problem]]:
-    """Process one position.
+    """Process one position in memory.
 
     Returns
     -------
     groups : dict of str to xarray.Dataset
-        Root, ``/daps``, ``/mpc`` and, if kept, ``/cir``.
+        Groups of the product: ``/``, ``/daps``, ``/mpc`` and, with ``options.keep_cir``, ``/cir``.
     problems : list of Problem
-        Directions in which something is wrong.
+        What is wrong with single directions.
 
     Raises
     ------
     DataError
-        Nothing in the recording can be used.
+        No direction of the recording can be used.
     """
     cir, problems = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
     distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
@@ -141,7 +141,7 @@ def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
             f"{end}_position": (
                 ("position", "xyz"),
                 getattr(recording, f"{end}_position")[None],
-                {"units": "m", "long_name": f"{end.upper()} position, east, north, up"},
+                {"units": "m", "long_name": f"{end.upper()} position: east, north, up"},
             )
             for end in ("tx", "rx")
         },
@@ -156,7 +156,7 @@ def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
     )
 
 
-def _origin(job: Job, options: Options) -> dict[str, Any]:
+def _provenance(job: Job, options: Options) -> dict[str, Any]:
     read = (job.recording.source, job.b2b.source, job.source.layout, job.source.sounder)
     sources = {path for path in read if path is not None and path.is_file()}
     return provenance("Processed captures of one position", "sounder process", inputs=sources, options=vars(options))

@@ -75,7 +75,7 @@ def describe_foreign_file(
         The file, the layout or the description cannot be used.
     """
     from sounder.processing import recording_summary
-    from sounder.processing.jobs import open_file, refusals
+    from sounder.processing.jobs import failure_lines, open_file
 
     found, b2b = open_file(path, layout=layout, sounder=sounder)
     recordings = [item for item in found if not isinstance(item, DataError)]
@@ -87,7 +87,7 @@ def describe_foreign_file(
         tables += [(HEADER, recording_summary.describe_recording(recording)) for recording in recordings]
     if b2b is not None:
         tables.append((HEADER, recording_summary.describe_back_to_back(b2b)))
-    return tables, refusals(path, found)
+    return tables, failure_lines(path, found)
 
 
 def _product(file: h5py.File) -> Lines:

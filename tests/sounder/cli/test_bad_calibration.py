@@ -49,11 +49,11 @@ def test_no_back_to_back_at_all_is_told(copied, capsys):
     assert run("process", recording, "--out", copied / "out") == 1
     first = capsys.readouterr().err
     assert first.startswith(
-        f"{recording}: no back-to-back capture; pass one with --calibration; the synthetic one that "
+        f"{recording}: no back-to-back capture; pass one with --calibration; the shipped synthetic "
     )
     assert run("process", recording, "--calibration", absent, "--out", copied / "out") == 1
     second = capsys.readouterr().err
-    assert second.startswith(f"{absent}: no such file; expected a back-to-back recording; the synthetic one that ")
+    assert second.startswith(f"{absent}: no such file; expected a back-to-back recording; the shipped synthetic ")
     for line in (first, second):  # and there it is
         assert dict(describe_file(Path(line.strip().rpartition(" is ")[2])))["kind"] == "back-to-back recording"
 

@@ -25,5 +25,5 @@ def test_convert_makes_native_recordings_of_a_foreign_file(campaign, products, j
 def test_convert_refuses_many_positions_in_one_file(campaign, joined, tmp_path, capsys):
     layout = ("--layout", joined.with_name("layout.toml"), "--sounder", campaign / "sounder.toml")
     assert run("convert", joined, *layout, "--out", tmp_path / "one.h5") == 1
-    assert "holds 2 positions and more; pass a folder as --out" in capsys.readouterr().err
+    assert "holds 2 positions and a back-to-back; --out is the file" in capsys.readouterr().err
     assert not (tmp_path / "one.h5").exists()

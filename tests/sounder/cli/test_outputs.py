@@ -11,7 +11,7 @@ from .commands import digest, names, run
 def test_a_product_never_replaces_its_recording(copied, capsys):
     before = digest(copied)
     assert run("process", copied / "RX1.h5", "--calibration", copied / "back-to-back.h5", "--out", copied) == 1
-    assert "would replace an input; choose another --out" in capsys.readouterr().err
+    assert "is an input; choose another --out" in capsys.readouterr().err
     assert digest(copied) == before
     assert run("convert", copied / "RX1.h5", "--out", copied / "RX1.h5") == 2
     assert digest(copied) == before

@@ -10,7 +10,7 @@ from scipy.constants import c
 from sounder.options import Options
 from sounder.processing import remarks
 from sounder.processing.jobs import gather
-from sounder.processing.position import Filters, products_of
+from sounder.processing.position import FilterCache, process_recording
 
 LAYOUT = Path(__file__).parents[3] / "examples" / "layouts" / "raytraced.toml"
 
@@ -21,10 +21,10 @@ def scene(request, shared_data):
     raw = shared_data / "raytraced" / f"{request.param}_raw.h5"
     jobs, failures = gather([raw], layout=LAYOUT)
     assert failures == []
-    filters, options = Filters(), Options()
+    filters, options = FilterCache(), Options()
     found = []
     for job in jobs:
-        groups, problems = products_of(job.recording, filters.of(job), options)
+        groups, problems = process_recording(job.recording, filters.get(job), options)
         assert remarks.failures(job.recording, groups, problems) == []  # no gain over free space among them
         mpc = groups["/mpc"]
         found.append((job.recording.tx_position, job.recording.rx_position, mpc["delay"].values, mpc["azimuth"].values))
