@@ -1,1 +1,1 @@
-"""How good a map is: against an outline, against measurements, and what it lacks."""
+"""Evaluation of maps: against a known outline, and against measurements."""

@@ -1,4 +1,4 @@
-"""Which reflectors of a map explain the components that a position received."""
+"""Explanation of MPCs: the reflectors of a map that each MPC met."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,22 +13,23 @@ from erm.tracing.trace import trace
 if TYPE_CHECKING:
     import xarray as xr
 
-DELAY_GATE = 1e-9  # s; 0.3 m, about the resolution cell of 1.2 GHz
-AZIMUTH_GATE = 5.0  # degree; half a beam
-DIRECT, GROUND, CEILING, UNEXPLAINED = "direct", "ground", "ceiling", ""
+DIRECT, UNEXPLAINED = "direct", ""
+"""Labels of the direct path, and of MPCs that the map does not explain."""
+SLABS = ("ceiling", "ground")
+"""Names of the reflectors -2 and -1 of `erm.trace`."""
 
 
 class Sector(NamedTuple):
-    """A range of azimuths in which components of one origin arrive.
+    """A range of azimuths of the MPCs with one label.
 
     Parameters
     ----------
     name : str
-        Of the origin.
+        The label.
     start, stop : float
-        Azimuths [degree], counter-clockwise from one to the other; ``stop`` may exceed 360.
+        Azimuths [degree], counter-clockwise from start to stop; ``stop`` may exceed 360.
     components : int
-        How many are in it.
+        Number of MPCs in the range.
     """
 
     name: str
@@ -37,55 +38,73 @@ class Sector(NamedTuple):
     components: int
 
 
-def names_of(environment: Environment) -> list[str]:
-    """Short names of a map's reflectors: W for walls, P for poles, and the row of the map's table, from 0.
+def reflector_names(environment: Environment) -> list[str]:
+    """Short names of the reflectors of a map: W for a wall, P for a pole, and its row in the table, from 0.
 
-    The number is the one that ``erm reconstruct`` prints and that ``wall`` holds in an MPC table.
+    ``erm reconstruct`` prints the same numbers, and the column ``wall`` of an MPC table holds them.
     """
     return [f"{'W' if kind == 'wall' else 'P'}{row}" for row, kind in enumerate(environment.reflectors["kind"].values)]
 
 
-def bounces_of(label: str) -> int:
-    """Number of walls and poles that a label of `explain` names; bounces off ground and ceiling do not count."""
-    return len(_met(label))
+def count_reflectors(label: str) -> int:
+    """Number of walls and poles in a label of `explain`; ground and ceiling do not count."""
+    return len(_walls_and_poles(label))
 
 
-def origin_of(label: str) -> str:
-    """The reflector that the receiver sees: the last of a label of `explain`; ``direct`` where there was none.
+def last_reflector(label: str) -> str:
+    """Last wall or pole in a label of `explain`, which the receiver sees.
 
-    What met only the ground arrives from where the direct path does. What is not explained has no origin.
+    It is ``direct`` if the MPC met none, or only ground and ceiling, and empty if the MPC is not explained.
     """
     if label == UNEXPLAINED:
         return UNEXPLAINED
-    met = _met(label)
+    met = _walls_and_poles(label)
     return met[-1] if met else DIRECT
 
 
-def _met(label: str) -> list[str]:
-    return [name for name in label.split("+") if name not in (UNEXPLAINED, DIRECT, GROUND, CEILING)]
+def _walls_and_poles(label: str) -> list[str]:
+    return [name for name in label.split("+") if name not in (UNEXPLAINED, DIRECT, *SLABS)]
 
 
-def explain(table: "xr.Dataset", environment: Environment, *, max_order: int = 2) -> npt.NDArray[np.str_]:
-    """Name the reflectors of a map that each component met, in the order from TX to RX.
+def explain(
+    table: "xr.Dataset",
+    environment: Environment,
+    *,
+    max_order: int = 2,
+    delay_gate: float = 1e-9,
+    azimuth_gate: float = 5.0,
+) -> npt.NDArray[np.str_]:
+    """Name the reflectors that each MPC met, in the order from TX to RX.
 
-    Every link is traced through the map; a component is explained by the path that is nearest to it in delay and
-    azimuth within `DELAY_GATE` and `AZIMUTH_GATE`. Where two are equally near, the one of fewer bounces wins.
+    All paths of each link are traced in the map. The path nearest in delay and azimuth explains an MPC, if it lies
+    within the ellipse of the gates. Of paths that are equally near, the one with the fewest reflections explains it.
 
     Parameters
     ----------
     table : xarray.Dataset
-        MPC table (`erm.mpcs.table`).
+        MPC table (`erm.make_table`).
     environment : Environment
-        Of `erm.reconstruction.reconstruct`; or any other.
+        The map.
     max_order : int
-        Largest number of bounces.
+        Largest number of reflections of a path.
+    delay_gate, azimuth_gate : float
+        Half axes of the ellipse [s], [degree]. The defaults are about a resolution cell of 1.2 GHz and half a beam of
+        10 degrees.
 
     Returns
     -------
     array (mpc,) of str
-        ``direct``, ``ground``, ``W3``, ``W3+W5``; empty where the map explains nothing.
+        ``direct``, ``ground``, ``W3``, ``W3+W5``; empty if no path explains the MPC.
+
+    Examples
+    --------
+    >>> import erm
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+    >>> mpcs = erm.predict(street, (0, 0, 9), (10, -4, 2), 132e9)
+    >>> erm.explain(mpcs, street).tolist()
+    ['direct', 'W0']
     """
-    names = np.array([*names_of(environment), CEILING, GROUND])  # -2 and -1 of `trace`
+    names = np.array([*reflector_names(environment), *SLABS])
     labels = np.full(table.sizes["mpc"], UNEXPLAINED, dtype=object)
     ends = np.hstack([table["tx_position"].values, table["rx_position"].values])
     for link in np.unique(ends, axis=0):
@@ -93,46 +112,46 @@ def explain(table: "xr.Dataset", environment: Environment, *, max_order: int = 2
         paths = trace(environment, link[:3], link[3:], float(table["frequency"].values[rows[0]]), max_order=max_order)
         if paths.sizes["path"] == 0:
             continue
-        late = (table["delay"].values[rows, None] - paths["delay"].values) / DELAY_GATE
-        turned = angle_difference(table["azimuth"].values[rows, None], paths["azimuth"].values) / AZIMUTH_GATE
-        apart = np.hypot(late, turned)
+        delay_error = (table["delay"].values[rows, None] - paths["delay"].values) / delay_gate
+        azimuth_error = angle_difference(table["azimuth"].values[rows, None], paths["azimuth"].values) / azimuth_gate
+        distance = np.hypot(delay_error, azimuth_error)
         order = paths["order"].values
-        nearest = np.argmin(np.round(apart, 1) + 1e-3 * order, axis=1)
-        near = apart[np.arange(len(rows)), nearest] < 1
+        nearest = np.argmin(np.round(distance, 1) + 1e-3 * order, axis=1)  # prefers few reflections
+        near = distance[np.arange(len(rows)), nearest] < 1
         for row, path in zip(rows[near], nearest[near], strict=True):
             met = paths["reflector"].values[path, : order[path]]
             labels[row] = "+".join(names[met].tolist()) or DIRECT
     return labels.astype(np.str_)
 
 
-def sectors(
+def azimuth_sectors(
     azimuth: FloatArray, labels: Sequence[str] | npt.NDArray[np.str_], *, margin: float = 5.0, gap: float = 30.0
 ) -> list[Sector]:
-    """Ranges of azimuth of the components of one label each.
+    """Ranges of azimuth of the MPCs of each label.
 
     Parameters
     ----------
     azimuth : array (mpc,)
-        [degree].
+        Azimuths of the MPCs [degree].
     labels : sequence of str
-        From `origin_of`, or `explain` itself; unexplained ones are left out.
+        Labels of `last_reflector` or `explain`; MPCs that are not explained are left out.
     margin : float
-        Added on either side, half a beam [degree].
+        Added to both sides of a range, about half a beam [degree].
     gap : float
-        Components of one label further apart than this make two sectors [degree].
+        MPCs of one label that are further apart than this make two sectors [degree].
 
     Returns
     -------
     list of Sector
-        By name, and of one name counter-clockwise from the end of its widest gap.
+        Sorted by name; those of one name counter-clockwise from the end of its widest gap.
     """
     found: list[Sector] = []
     labels = np.asarray(labels)
     for name in sorted(set(labels.tolist()) - {UNEXPLAINED}):
-        turned = np.sort(azimuth[labels == name] % 360)
-        free = np.diff(np.append(turned, turned[0] + 360))
-        around = np.roll(np.arange(len(turned)), -int(np.argmax(free)) - 1)  # starts after the widest gap
-        ordered = np.unwrap(turned[around], period=360)
+        sorted_azimuth = np.sort(azimuth[labels == name] % 360)
+        free = np.diff(np.append(sorted_azimuth, sorted_azimuth[0] + 360))
+        around = np.roll(np.arange(len(sorted_azimuth)), -int(np.argmax(free)) - 1)  # starts after the widest gap
+        ordered = np.unwrap(sorted_azimuth[around], period=360)
         for run in np.split(ordered, np.flatnonzero(np.diff(ordered) > gap) + 1):
             start = float(run[0] % 360)
             found.append(Sector(name, start - margin, start + float(run[-1] - run[0]) + margin, len(run)))

@@ -1,4 +1,7 @@
-"""A map judged by what it predicts at positions it was not made from: for places where no outline exists."""
+"""Leave-one-out prediction: a map is evaluated by what it predicts at positions it was not made from.
+
+No known outline is needed.
+"""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,73 +20,92 @@ from erm.tracing.trace import trace
 if TYPE_CHECKING:
     import xarray as xr
 
-STRONGEST = 3  # components of a position that are looked for
-BEYOND, STOREYS = 10.0, 10.0  # m; how much longer and higher than seen walls may be: gaps of 15 m are closed
-DELAY, AZIMUTH, GAIN = 0.5e-9, 2.0, 3.0  # s, degree, dB; a prediction nearer than this is right
+EXTRA_HEIGHT = 10.0
+"""Walls may reflect this far above their highest reflection point [m]; chosen."""
+DELAY_TOLERANCE, AZIMUTH_TOLERANCE, GAIN_TOLERANCE = 0.5e-9, 2.0, 3.0
+"""A prediction within these errors is right [s], [degree], [dB]; chosen."""
 
 
 class Prediction(NamedTuple):
-    """How the strongest components of one antenna pair were predicted from all others.
+    """Prediction of the strongest MPCs of one antenna pair from all others.
 
-    Errors are those of the predicted path nearest in delay and azimuth, prediction less measurement; NaN where none is
-    predicted. The gain that counts as measured is that at the elevation which delay and heights imply
-    (`erm.mpcs.elevation.implied_gain`): beyond the fan of a scan a gain is measured only as far as the elevation is
-    known.
+    Errors are prediction minus measurement, for the predicted path that is nearest in delay and azimuth; NaN if no path
+    is predicted. The measured gain is the gain at the elevation that delay and heights imply
+    (`erm.mpcs.elevation.implied_gain`): outside the elevations of a scan, a gain is only as certain as the elevation.
     """
 
     position: str
-    delay: np.ndarray  # (component,) s
-    azimuth: np.ndarray  # (component,) degree
-    gain: np.ndarray  # (component,) dB
-    gain_std: np.ndarray  # (component,) dB, of the measurement; 0 where the table gives none
-    gain_reported: np.ndarray  # (component,) dB, to the gain as the table has it
+    delay: np.ndarray
+    """Delay errors (mpc,) [s]."""
+    azimuth: np.ndarray
+    """Azimuth errors (mpc,) [degree]."""
+    gain: np.ndarray
+    """Gain errors (mpc,) [dB]."""
+    gain_std: np.ndarray
+    """Standard errors (mpc,) of the measured gains; 0 where the table has none [dB]."""
+    gain_reported: np.ndarray
+    """Gain errors (mpc,) relative to the gains of the table [dB]."""
 
     @property
     def located(self) -> np.ndarray:
-        """Whether (component,) a path is predicted within the tolerances of delay and azimuth."""
+        """Whether (mpc,) a path is predicted within the tolerances of delay and azimuth."""
         with np.errstate(invalid="ignore"):
-            return np.asarray((np.abs(self.delay) < DELAY) & (np.abs(self.azimuth) < AZIMUTH))
+            return np.asarray((np.abs(self.delay) < DELAY_TOLERANCE) & (np.abs(self.azimuth) < AZIMUTH_TOLERANCE))
 
     @property
     def right(self) -> np.ndarray:
-        """Whether (component,) its gain is predicted within the tolerance, too."""
+        """Whether (mpc,) delay, azimuth and gain are predicted within the tolerances."""
         with np.errstate(invalid="ignore"):
-            return self.located & (np.abs(self.gain) < GAIN)
+            return self.located & (np.abs(self.gain) < GAIN_TOLERANCE)
 
     @property
     def right_reported(self) -> np.ndarray:
-        """Whether (component,) the gain that the table reports is predicted within the tolerance, too."""
+        """The same (mpc,), with the gain of the table."""
         with np.errstate(invalid="ignore"):
-            return self.located & (np.abs(self.gain_reported) < GAIN)
+            return self.located & (np.abs(self.gain_reported) < GAIN_TOLERANCE)
 
     @property
     def compatible(self) -> np.ndarray:
-        """Whether (component,) its gain is predicted within the tolerance or two standard errors of the measurement."""
+        """The same (mpc,), with gain errors up to the tolerance or two standard errors of the measurement."""
         with np.errstate(invalid="ignore"):
-            return self.located & (np.abs(self.gain) < np.maximum(GAIN, 2 * self.gain_std))
+            return self.located & (np.abs(self.gain) < np.maximum(GAIN_TOLERANCE, 2 * self.gain_std))
 
 
 def leave_one_out(
-    table: "xr.Dataset", *, max_order: int = 2, strongest: int = STRONGEST, beyond: float = BEYOND
+    table: "xr.Dataset", *, max_order: int = 2, strongest: int = 3, beyond: float = 10.0
 ) -> list[Prediction]:
-    """Predict the strongest components of each antenna pair from the map of all other positions.
+    """Predict the strongest MPCs of each antenna pair from a map of all other positions.
 
     Parameters
     ----------
     table : xarray.Dataset
-        MPC table (`erm.mpcs.table`).
+        MPC table (`erm.make_table`).
     max_order : int
-        Most reflections of a predicted path.
+        Largest number of reflections of a predicted path.
     strongest : int
-        Components looked for at each pair.
+        Number of MPCs of each pair that are compared.
     beyond : float
-        How much further than their outermost reflection points walls are taken to reach [m]: a map shows what was
-        seen, and the next position looks beside it.
+        Walls may reflect this far beyond their outermost reflection points [m]. A map shows only what was measured,
+        and other positions see the parts beside it.
+
+    Returns
+    -------
+    list of Prediction
+        One for each antenna pair; `erm.evaluation.leave_one_out.score` summarises them.
 
     Raises
     ------
     DataError
         There are fewer than two antenna pairs.
+
+    Examples
+    --------
+    >>> import erm
+    >>> import xarray as xr
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+    >>> links = [erm.predict(street, (0, 0, 9), (x, -4, 2), 132e9) for x in (10, 14, 18, 22)]
+    >>> [prediction.right.tolist() for prediction in erm.leave_one_out(xr.concat(links, dim="mpc"))]
+    [[True, True], [True, True], [True, True], [True, True]]
     """
     link = links(table)
     if len(np.unique(link)) < 2:
@@ -94,8 +116,8 @@ def leave_one_out(
         environment, _ = reconstruct(select(table.isel(mpc=np.flatnonzero(link != one))))
         ends = (held["tx_position"].values[0], held["rx_position"].values[0])
         frequency = float(held["frequency"].values[0])
-        # walls may reflect further than they were seen to, but hide only where reflection points say that they stand
-        longer = resized(environment, beyond, STOREYS)
+        # walls may reflect beyond their reflection points, but block only between them
+        longer = resized(environment, beyond, EXTRA_HEIGHT)
         known = resized(environment, -MOST_MARGIN, -MOST_MARGIN)
         paths = trace(longer, *ends, frequency, max_order=max_order, obstacles=known)
         order = np.argsort(-implied_gain(held)[0], kind="stable")[:strongest]
@@ -104,21 +126,23 @@ def leave_one_out(
 
 
 def compare(measured: "xr.Dataset", paths: "xr.Dataset") -> Prediction:
-    """Errors of the paths of `erm.tracing.trace` that are nearest to components of one antenna pair."""
+    """Errors of the paths of `erm.trace` that are nearest to the MPCs of one antenna pair."""
     errors = np.full((4, measured.sizes["mpc"]), np.nan)
     implied, std = implied_gain(measured)
     if paths.sizes["path"]:
-        late = paths["delay"].values - measured["delay"].values[:, None]
-        aside = angle_difference(paths["azimuth"].values, measured["azimuth"].values[:, None])
-        near = np.argmin((late / DELAY) ** 2 + (aside / AZIMUTH) ** 2, axis=1)
+        delay_error = paths["delay"].values - measured["delay"].values[:, None]
+        azimuth_error = angle_difference(paths["azimuth"].values, measured["azimuth"].values[:, None])
+        near = np.argmin((delay_error / DELAY_TOLERANCE) ** 2 + (azimuth_error / AZIMUTH_TOLERANCE) ** 2, axis=1)
         rows, gain = np.arange(len(near)), paths["path_gain"].values[near]
-        errors = np.stack([late[rows, near], aside[rows, near], gain - implied, gain - measured["path_gain"].values])
+        errors = np.stack(
+            [delay_error[rows, near], azimuth_error[rows, near], gain - implied, gain - measured["path_gain"].values]
+        )
     delay, azimuth, gain, reported = errors
     return Prediction(str(measured["position"].values[0]), delay, azimuth, gain, np.nan_to_num(std), reported)
 
 
 def resized(environment: Environment, beyond: float, higher: float) -> Environment:
-    """The same map with its walls longer at either end and higher [m]; none is shortened to less than a tenth."""
+    """Make all walls longer at both ends and higher [m]; at least a tenth of each length is kept."""
     table = environment.reflectors.copy()
     is_wall = table["kind"].values == "wall"
     ends = table["end_points"].values
@@ -132,11 +156,15 @@ def resized(environment: Environment, beyond: float, higher: float) -> Environme
 
 
 def score(predictions: list[Prediction]) -> dict[str, Any]:
-    """``positions``, ``components``, the share of components predicted ``right``, and of positions with all right.
+    """Summarise the predictions of `leave_one_out`.
 
-    Further the shares of positions with all components ``located``, right by the gains ``reported``, and
-    ``compatible``, and the median absolute errors ``delay`` [s], ``azimuth`` [degree] and ``gain`` [dB] of the right
-    ones.
+    Returns
+    -------
+    dict
+        Numbers of ``positions`` and ``components``; share ``right`` of the MPCs that are predicted; shares of positions
+        with all MPCs right (``positions_right``), located (``positions_located``), right by the gains of the table
+        (``positions_reported``) and compatible (``positions_compatible``), see `Prediction`; median absolute errors
+        ``delay`` [s], ``azimuth`` [degree] and ``gain`` [dB] of the right MPCs.
     """
     right = np.concatenate([one.right for one in predictions])
     errors = np.concatenate([np.stack([one.delay, one.azimuth, one.gain]) for one in predictions], axis=1)

@@ -1,8 +1,8 @@
-"""How good a map is: reflection points and walls against a known outline.
+"""Evaluation with a known outline: errors of reflection points and of walls.
 
-The letter's ``D_Error``, the distance to the face's line, is blind to errors along the face, which an azimuth
-error makes; so the distance to the outline itself and, where the true points are known, the full error stand
-beside it. RMSE means the root of the mean square; the letter's "RMSE" is the standard deviation.
+The letter's ``D_Error`` is the distance to the line of the face. It does not contain errors along the face, which an
+azimuth error makes. The distance to the face itself and, where the true points are known, the full error are given
+too. RMSE is the root of the mean square; the letter's "RMSE" is the standard deviation.
 """
 
 from collections.abc import Mapping
@@ -19,20 +19,27 @@ from erm.mpcs.table import path_length
 if TYPE_CHECKING:
     import xarray as xr
 
-FOUND_DISTANCE = 1.0  # m; a wall nearer than this to a face stands for it
-FOUND_ANGLE = 10.0  # degree
-STEP = 0.5  # m; spacing of the points by which two walls are matched
-CLOSE = 0.25  # m; a stretch of wall nearer than this to a face stands where the face does
-FINE = 0.05  # m; spacing of the points by which lengths are measured
+MATCH_DISTANCE, MATCH_ANGLE = 1.0, 10.0
+"""A wall within this distance and angle of a face is a match [m], [degree]; chosen."""
+MATCH_SPACING = 0.5
+"""Spacing of the samples of a wall for matching, and of an outline for completeness [m]; chosen."""
+COVER_DISTANCE = 0.25
+"""A face covers the parts of a wall within this distance [m]; chosen."""
+COVER_SPACING = 0.05
+"""Spacing of the samples of a wall for covered lengths [m]; chosen."""
 
 
 class PointErrors(NamedTuple):
     """Errors (point,) of reflection points."""
 
-    face: npt.NDArray[np.int64]  # index of the nearest outline segment
-    distance: FloatArray  # m, to the nearest point of that segment
-    perpendicular: FloatArray  # m, to its line, infinite both ways
-    full: FloatArray | None  # m, to the true point
+    face: npt.NDArray[np.int64]
+    """Index of the nearest outline segment."""
+    distance: FloatArray
+    """Distance to this segment [m]."""
+    perpendicular: FloatArray
+    """Distance to the infinite line of this segment [m]."""
+    full: FloatArray | None
+    """Distance to the true point [m]."""
 
 
 def point_errors(points: npt.ArrayLike, outline: FloatArray, true_points: npt.ArrayLike | None = None) -> PointErrors:
@@ -41,11 +48,11 @@ def point_errors(points: npt.ArrayLike, outline: FloatArray, true_points: npt.Ar
     Parameters
     ----------
     points : array (point, 2 or more)
-        East/north [m].
+        Reflection points, east/north [m].
     outline : array (segment, 2 ends, 2)
         Known faces, at least one [m].
     true_points : array (point, 2 or more), optional
-        Where the paths truly bounced [m].
+        True reflection points [m].
     """
     xy = np.asarray(points, dtype=float)[..., :2].reshape(-1, 2)
     start, along = outline[:, 0], outline[:, 1] - outline[:, 0]
@@ -66,9 +73,9 @@ def point_errors(points: npt.ArrayLike, outline: FloatArray, true_points: npt.Ar
 
 
 def summary(errors: npt.ArrayLike) -> dict[str, float]:
-    """``count``, ``min``, ``max``, ``mean``, ``median``, ``std`` and ``rmse`` of errors [m]; NaN where there are none.
+    """``count``, ``min``, ``max``, ``mean``, ``median``, ``std`` and ``rmse`` of errors; NaN if there are no errors.
 
-    ``std`` is the population's, by n, and ``rmse**2 = mean**2 + std**2``.
+    ``std`` is the population standard deviation, so ``rmse**2 = mean**2 + std**2``.
     """
     errors = np.asarray(errors, dtype=float)
     if errors.size == 0:
@@ -96,14 +103,33 @@ def evaluate_points(
 def evaluate_mpcs(
     merged: "xr.Dataset", environment: Environment, outline: FloatArray
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Judge the accepted reflection points of `erm.reconstruction.reconstruct` three ways.
+    """Errors of the reflection points of a map, for three ways to compute the points.
+
+    Parameters
+    ----------
+    merged, environment : xarray.Dataset, Environment
+        Table and map of `erm.reconstruct`.
+    outline : array (segment, 2 ends, 2)
+        Known faces [m].
 
     Returns
     -------
     dict
-        `evaluate_points` of ``single``, the point of each path by itself; ``merged``, where the wall of
-        all paths reflects it; ``planar``, by the letter's equations with the slant delay. The true point is where the
-        face that the wall stands for reflects the path (`specular_points`).
+        ``single``: the point of each path alone; ``merged``: the point on the wall of all paths; ``planar``: the
+        letter's equations, which use the slant length. Each has summaries (`summary`) of errors [m] ``perpendicular``
+        to the line of the face, ``distance`` to the face, and ``full`` to the point where the face reflects the path
+        (`specular_points`).
+
+    Examples
+    --------
+    >>> import erm
+    >>> import xarray as xr
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+    >>> links = [erm.predict(street, (0, 0, 9), (x, -4, 2), 132e9) for x in (10, 14, 18, 22)]
+    >>> environment, located = erm.reconstruct(erm.select(xr.concat(links, dim="mpc")))
+    >>> errors = erm.evaluate_mpcs(located, environment, street.reflectors["end_points"].values)
+    >>> {kind: round(errors[kind]["perpendicular"]["rmse"], 2) for kind in errors}
+    {'single': 0.0, 'merged': 0.0, 'planar': 0.5}
     """
     kept = on_walls(merged, environment)
     path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
@@ -114,14 +140,14 @@ def evaluate_mpcs(
 
 
 def specular_points(tx: FloatArray, rx: FloatArray, faces: FloatArray) -> FloatArray:
-    """Where (path, 2) faces, if they go on, reflect the paths between antennas; NaN if these stand on two sides of one.
+    """Points (path, 2) where the infinite lines of faces reflect paths [m]; NaN if the antennas are on different sides.
 
     Parameters
     ----------
     tx, rx : array (path, 2 or more)
-        [m].
+        Positions of the antennas [m].
     faces : array (path, 2 ends, 2)
-        One for each path [m].
+        Face of each path [m].
     """
     along = faces[:, 1] - faces[:, 0]
     n = np.stack([-along[:, 1], along[:, 0]], axis=-1) / np.linalg.norm(along, axis=-1)[:, None]
@@ -132,7 +158,7 @@ def specular_points(tx: FloatArray, rx: FloatArray, faces: FloatArray) -> FloatA
 
 
 def on_walls(merged: "xr.Dataset", environment: Environment) -> "xr.Dataset":
-    """Components of `erm.reconstruction.reconstruct` that a wall reflected: accepted ones but those off poles."""
+    """MPCs of `erm.reconstruct` that walls reflected: the accepted ones without those of poles."""
     is_wall = np.r_[environment.reflectors["kind"].values == "wall", False]  # the last for index -1, none
     return merged.isel(mpc=np.flatnonzero(is_wall[merged["wall"].values]))
 
@@ -142,9 +168,9 @@ def evaluate_walls(
 ) -> dict[str, Any]:
     """Match the walls of a map to the faces of an outline.
 
-    A wall is sampled every ``STEP``. A sample stands for the nearest face that is parallel to the wall within
-    ``FOUND_ANGLE``, if it lies within ``FOUND_DISTANCE`` of it. A wall most of whose samples stand for no
-    face is false; the faces that samples of the others stand for are found.
+    A wall is sampled every `MATCH_SPACING`. A sample matches the nearest face that is parallel to the wall within
+    `MATCH_ANGLE`, if it is within `MATCH_DISTANCE`. A wall is false unless more than half of its samples match a face.
+    Faces that samples of the other walls match are found.
 
     Parameters
     ----------
@@ -153,16 +179,27 @@ def evaluate_walls(
     outline : array (segment, 2 ends, 2)
         Known faces [m].
     hits : array (segment,), optional
-        How many paths bounced off each face. With it ``found`` and ``missed`` count only the faces that at
-        least ``min_hits`` paths hit; no method can find the others.
+        Number of paths that each face reflected. If given, ``found`` and ``missed`` count only faces with at least
+        ``min_hits`` paths; no method can find the others.
 
     Returns
     -------
     dict
-        ``walls`` in the map, of these ``false`` ones, ``found`` and ``missed`` faces of the outline,
-        ``completeness`` and ``correctness`` (`covered_share`), ``angle_error`` [degree] and ``offset_error`` [m]
-        summaries over the true walls, and ``matches`` (for each wall the face that most of it stands for, -1 if
-        false). The offset error is the distance of a wall's middle from the line of its face.
+        Numbers of ``walls`` in the map, of ``false`` ones among these, and of ``found`` and ``missed`` faces;
+        ``completeness``, the share of the length of the outline that has a wall, and ``correctness``, the share of the
+        length of the walls that lies on a face (`covered_share`); summaries ``angle_error`` [degree] and
+        ``offset_error`` [m] of the true walls; ``matches``, the face of each wall, -1 for a false one. The offset error
+        is the distance of the middle of a wall from the line of its face.
+
+    Examples
+    --------
+    >>> import erm
+    >>> import numpy as np
+    >>> outline = np.array([[[-60.0, 0.0], [60.0, 0.0]], [[-60.0, 20.0], [60.0, 20.0]]])
+    >>> environment = erm.Environment.walls([[[-30, 0.1], [30, 0.1]], [[70, -5], [70, 5]]])
+    >>> result = erm.evaluate_walls(environment, outline)
+    >>> {name: result[name] for name in ("walls", "false", "found", "missed", "matches")}
+    {'walls': 2, 'false': 1, 'found': 1, 'missed': 1, 'matches': [0, -1]}
     """
     walls = outline_of(environment)
     matches: list[int] = []
@@ -170,15 +207,15 @@ def evaluate_walls(
     offsets: list[float] = []
     seen = np.zeros(len(outline), dtype=bool)
     for wall in walls:
-        faces, distances, turned = faces_behind(wall, outline, STEP)
-        on_face = faces[distances < FOUND_DISTANCE]
+        faces, distances, angle = nearest_parallel_faces(wall, outline, MATCH_SPACING)
+        on_face = faces[distances < MATCH_DISTANCE]
         if 2 * len(on_face) <= len(faces):
             matches.append(-1)
             continue
         seen[on_face] = True
         main = int(np.bincount(on_face).argmax())
         matches.append(main)
-        angles.append(float(turned[main]))
+        angles.append(float(angle[main]))
         middle = point_errors([(wall[0] + wall[1]) / 2], outline[main : main + 1])
         offsets.append(float(middle.perpendicular[0]))
     wanted = np.ones(len(outline), dtype=bool) if hits is None else np.asarray(hits) >= min_hits
@@ -196,10 +233,10 @@ def evaluate_walls(
 
 
 def covered_share(segments: FloatArray, others: FloatArray) -> float:
-    """Share of the length of segments that has a parallel one of others within ``CLOSE``.
+    """Share of the length of segments that has a parallel segment of ``others`` within `COVER_DISTANCE`.
 
-    Of a map's walls against an outline it is the map's correctness; of an outline against the map its
-    completeness. NaN where there is no length.
+    For the walls of a map and an outline it is the correctness of the map; for the outline and the walls it is the
+    completeness. NaN if the length is 0.
 
     Parameters
     ----------
@@ -209,14 +246,14 @@ def covered_share(segments: FloatArray, others: FloatArray) -> float:
     covered = total = 0.0
     for segment in segments:
         length = float(np.linalg.norm(segment[1] - segment[0]))
-        covered += length * float(np.mean(covered_samples(segment, others, FINE)))
+        covered += length * float(np.mean(covered_samples(segment, others, COVER_SPACING)))
         total += length
     return covered / total if total else float("nan")
 
 
 def covered_samples(segment: FloatArray, others: FloatArray, step: float) -> npt.NDArray[np.bool_]:
-    """Whether a parallel one of others lies within ``CLOSE`` of each sample, every ``step`` [m], of a segment."""
-    return faces_behind(segment, others, step)[1] < CLOSE
+    """Whether each sample of a segment, every ``step`` [m], has a parallel segment within `COVER_DISTANCE`."""
+    return nearest_parallel_faces(segment, others, step)[1] < COVER_DISTANCE
 
 
 def face_hits(points: npt.ArrayLike, outline: FloatArray, tolerance: float = 0.05) -> npt.NDArray[np.int64]:
@@ -242,18 +279,18 @@ def rounded(result: Mapping[str, Any], digits: int = 4) -> dict[str, Any]:
     return {key: plain(value) for key, value in result.items()}
 
 
-def faces_behind(
+def nearest_parallel_faces(
     wall: FloatArray, outline: FloatArray, step: float
 ) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
-    """For samples of a wall: nearest parallel face and its distance [m]; and each face's angle [degree]."""
+    """Nearest parallel face of each sample of a wall, and its distance [m]; angle (face,) to the wall [degree]."""
     length = float(np.linalg.norm(wall[1] - wall[0]))
     count = max(1, round(length / step))
     share = (np.arange(count) + 0.5) / count
     samples = wall[0] + share[:, None] * (wall[1] - wall[0])
     own, theirs = azimuth_of(wall[1] - wall[0]), azimuth_of(outline[:, 1] - outline[:, 0])
-    turned = np.abs(angle_difference(2 * theirs, 2 * own)) / 2  # lines, not arrows
-    parallel = np.flatnonzero(turned < FOUND_ANGLE)
+    angle = np.abs(angle_difference(2 * theirs, 2 * own)) / 2  # lines have no direction
+    parallel = np.flatnonzero(angle < MATCH_ANGLE)
     if len(parallel) == 0:
-        return np.zeros(len(samples), dtype=np.int64), np.full(len(samples), np.inf), turned
+        return np.zeros(len(samples), dtype=np.int64), np.full(len(samples), np.inf), angle
     errors = point_errors(samples, outline[parallel])
-    return parallel[errors.face], errors.distance, turned
+    return parallel[errors.face], errors.distance, angle

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.patheffects import withStroke
 
-from erm.evaluation.explain import DIRECT, UNEXPLAINED, Sector, bounces_of
+from erm.evaluation.explain import DIRECT, UNEXPLAINED, Sector, count_reflectors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -103,7 +103,7 @@ def _on_rim(axes: "PolarAxes", name: str, angle: float, radius: float) -> None:
 
 
 def _mark(axes: "PolarAxes", table: "xr.Dataset", labels: npt.NDArray[np.str_]) -> None:
-    bounces = np.array([bounces_of(label) for label in labels], dtype=int)
+    bounces = np.array([count_reflectors(label) for label in labels], dtype=int)
     kinds = np.where(labels == UNEXPLAINED, 2, np.where(bounces > 1, 1, 0))
     for kind, (label, style) in enumerate(MARKS.items()):
         chosen = kinds == kind

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from erm.common.page import Page
-from erm.evaluation.explain import names_of
+from erm.evaluation.explain import reflector_names
 from erm.evaluation.outline import evaluate_walls
 from erm.figures import mark_width, plot_map
 from erm.geometry.vertical import FloatArray
@@ -24,7 +24,7 @@ def reconstruction(page: Page, studied: routes.Study, inside: routes.Study) -> N
         "the map's table, which counts walls and poles together.",
     )
     outline = outline_of(studied.campaign.environment)
-    names = names_of(studied.environment)
+    names = reflector_names(studied.environment)
     accepted, wall = studied.table["accepted"].values, studied.table["wall"].values
     of_route = {route: studied.of(list(positions)) for route, positions in published.TABLE_2.items()}
     table = studied.environment.reflectors
@@ -81,7 +81,7 @@ def _corridor(page: Page, inside: routes.Study, outline: FloatArray) -> None:
         "show that nothing else hides it, the positions of route 2 are measured once more, with the transmitter in the "
         f"corridor and {-corridor.CLOSER.power:g} dB less power, as it is nearer; {seen}."
     )
-    axes = plot_map(inside.environment, table=inside.table, outline=outline, names=names_of(inside.environment))
+    axes = plot_map(inside.environment, table=inside.table, outline=outline, names=reflector_names(inside.environment))
     found = corridor.walls(inside.environment)
     if len(found) == len(corridor.SIDES):
         north, south = (np.array([MARKED, northing]) for northing in found.values())

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from erm.common.page import Page
-from erm.evaluation.explain import UNEXPLAINED, bounces_of, explain, origin_of, sectors
+from erm.evaluation.explain import UNEXPLAINED, azimuth_sectors, count_reflectors, explain, last_reflector
 from erm.figures import plot_sectors
 from erm.letter.captures import Captures
 from erm.letter.routes import Study
@@ -37,7 +37,7 @@ def daps(page: Page, studied: Study, captures: Captures) -> None:
         pair = (first, second)
         table = studied.table.isel(mpc=np.flatnonzero(studied.of(pair)))
         labels = explain(table, studied.environment)
-        arcs = sectors(table["azimuth"].values, [origin_of(label) for label in labels])
+        arcs = azimuth_sectors(table["azimuth"].values, [last_reflector(label) for label in labels])
         figure = plt.figure(figsize=(7.4, 5.8), layout="constrained")
         axes = captures.draw_daps([(name, studied.daps[name]) for name in pair], _polar(figure))
         plot_sectors(arcs, axes, table=table, labels=labels)
@@ -62,7 +62,7 @@ def daps(page: Page, studied: Study, captures: Captures) -> None:
 
 def _caption(route: str, pair: tuple[str, str], labels: "npt.NDArray[np.str_]") -> str:
     left = int(np.count_nonzero(labels == UNEXPLAINED))
-    chains = sum(bounces_of(label) > 1 for label in labels.tolist())
+    chains = sum(count_reflectors(label) > 1 for label in labels.tolist())
     return (
         f"{route}: DAPS of {pair[0]} (blue) and {pair[1]} (orange). Of their {len(labels)} MPCs the map explains "
         f"{len(labels) - left}, {chains} of them by more than one reflector; {left} have no sector."

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from erm.evaluation.explain import bounces_of, explain, names_of, origin_of, sectors
+from erm.evaluation.explain import azimuth_sectors, count_reflectors, explain, last_reflector, reflector_names
 from erm.maps.environment import Environment
 from erm.mpcs.table import make_table
 from erm.tracing.trace import trace
@@ -26,7 +26,7 @@ def received(place: Environment, late: float = 0.0) -> tuple:
 
 def test_every_path_is_told_by_the_reflectors_it_met(corridor):
     table, paths = received(corridor, late=0.1e-9)
-    names = names_of(corridor)
+    names = reflector_names(corridor)
     assert names == ["W0", "W1", "P2"]  # rows of the table
     met = ["+".join(names[i] for i in row if i >= 0) or "direct" for row in paths["reflector"].values]
     assert explain(table, corridor).tolist() == met
@@ -41,7 +41,9 @@ def test_a_component_no_path_is_near_to_is_not_explained(corridor):
 
 
 def test_a_sector_holds_its_components_and_goes_round_through_north_and_east():
-    found = sectors(np.array([350.0, 5.0, 20.0, 170.0, 90.0]), ["W1", "W1", "W1", "W1", ""], margin=5.0, gap=60.0)
+    found = azimuth_sectors(
+        np.array([350.0, 5.0, 20.0, 170.0, 90.0]), ["W1", "W1", "W1", "W1", ""], margin=5.0, gap=60.0
+    )
     assert [(one.name, one.start, one.stop, one.components) for one in found] == [
         ("W1", 345.0, 385.0, 3),
         ("W1", 165.0, 175.0, 1),
@@ -50,5 +52,5 @@ def test_a_sector_holds_its_components_and_goes_round_through_north_and_east():
 
 def test_a_component_comes_off_the_last_reflector_it_met():
     labels = ["direct", "ground", "W3", "W3+W5", "W5+ground", "ground+ceiling", ""]
-    assert [origin_of(label) for label in labels] == ["direct", "direct", "W3", "W5", "W5", "direct", ""]
-    assert [bounces_of(label) for label in labels] == [0, 0, 1, 2, 1, 0, 0]
+    assert [last_reflector(label) for label in labels] == ["direct", "direct", "W3", "W5", "W5", "direct", ""]
+    assert [count_reflectors(label) for label in labels] == [0, 0, 1, 2, 1, 0, 0]
