@@ -1,4 +1,4 @@
-"""Flat faces of an environment as arrays, and what they hide from one another."""
+"""Flat faces of an environment as arrays, and the lines of sight that they block."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from erm.maps.environment import CEILING, GROUND, Environment
 
-# nearer to a face than this a point counts as on it [m]: far above rounding, far below a wavelength
-ON_FACE = 1e-6
+FACE_THICKNESS = 1e-6
+"""A point within this distance of a face is on it [m]: far above rounding errors, far below a wavelength."""
 
 
 @dataclass(frozen=True)
@@ -20,15 +20,15 @@ class Faces:
     Parameters
     ----------
     label : array (face,) of int
-        Index in the environment's reflectors; `GROUND` or `CEILING`.
+        Index of the reflector in the environment, `GROUND` or `CEILING`.
     normal : array (face, 3)
-        Unit vector.
+        Unit normal ``n``.
     offset : array (face,)
         ``d`` [m].
     start, along : array (face, 2)
-        First end point [m] and unit vector toward the second.
+        First end point [m], and unit vector toward the second.
     length, base, top : array (face,)
-        [m].
+        Length, and heights of the lower and upper edge [m].
     """
 
     label: np.ndarray
@@ -41,15 +41,15 @@ class Faces:
     top: np.ndarray
 
     def distance(self, points: np.ndarray, face: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Signed distances of points (..., 3) from faces that broadcast against them."""
+        """Signed distances [m] of points (..., 3) from faces; both broadcast."""
         return (points * self.normal[face]).sum(-1) - self.offset[face]
 
     def mirror(self, points: np.ndarray, face: np.ndarray) -> np.ndarray:
         """Images (..., 3) of points (..., 3) in the planes of faces (...)."""
         return points - 2 * self.distance(points, face)[..., None] * self.normal[face]
 
-    def holds(self, points: np.ndarray, face: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """Whether points (..., 3) of the planes are on the faces (...), or within a margin [m] of them."""
+    def contains(self, points: np.ndarray, face: np.ndarray, margin: float = 0.0) -> np.ndarray:
+        """Whether points (..., 3) of the planes are inside the rectangles of faces (...) widened by a margin [m]."""
         reach = ((points[..., :2] - self.start[face]) * self.along[face]).sum(-1)
         height = points[..., 2]
         across = (reach >= -margin) & (reach <= self.length[face] + margin)
@@ -57,7 +57,7 @@ class Faces:
 
 
 def faces_of(environment: Environment) -> Faces:
-    """Faces of all walls and slabs; poles are not flat."""
+    """Faces of all walls, of the ground and of the ceiling. Poles are not flat and not included."""
     table = environment.reflectors
     label = np.flatnonzero(table.kind.values == "wall")
     ends = table.end_points.values[label]
@@ -79,18 +79,17 @@ def faces_of(environment: Environment) -> Faces:
     )
 
 
-def clear(faces: Faces, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Whether nothing stands between pairs of points.
+def is_unobstructed(faces: Faces, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Whether no face blocks the line between two points.
 
-    A face hides one point from the other when they lie on different sides of its plane and the line between
-    them meets it. Points on a face (`ON_FACE`) are not hidden by that face, so a ray leaves the wall it is
-    reflected by.
+    A face blocks the line if the points lie on different sides of its plane and the line meets the face. A face does
+    not block lines from its own points (`FACE_THICKNESS`), so that a ray can leave the wall that reflects it.
 
     Parameters
     ----------
     faces : Faces
     first, second : array (..., 3)
-        [m].
+        Pairs of points [m].
 
     Returns
     -------
@@ -100,11 +99,11 @@ def clear(faces: Faces, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     first, second = first.reshape(-1, 3), second.reshape(-1, 3)
     before = first @ faces.normal.T - faces.offset
     after = second @ faces.normal.T - faces.offset
-    apart = (before * after < 0) & (np.abs(before) > ON_FACE) & (np.abs(after) > ON_FACE)
+    apart = (before * after < 0) & (np.abs(before) > FACE_THICKNESS) & (np.abs(after) > FACE_THICKNESS)
     pair, face = np.nonzero(apart)
     share = before[pair, face] / (before[pair, face] - after[pair, face])
     met = first[pair] + share[:, None] * (second[pair] - first[pair])
-    hidden = faces.holds(met, face, margin=ON_FACE)  # the margin closes the joints of walls
+    blocked = faces.contains(met, face, margin=FACE_THICKNESS)  # the margin closes the joints between walls
     free = np.ones(len(first), dtype=bool)
-    free[pair[hidden]] = False
+    free[pair[blocked]] = False
     return free.reshape(shape)

@@ -1,4 +1,4 @@
-"""What a surface does to a wave: Fresnel reflection of its two polarisations, and roughness."""
+"""Reflection coefficients of surfaces: Fresnel's equations for both polarisations, and roughness."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from erm.common.constants import c
 
 
 def fresnel(cosine: np.ndarray, permittivity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reflection coefficients of a half-space, seen from vacuum.
+    """Fresnel reflection coefficients of a half-space in vacuum.
 
     With ``w = sqrt(eps - sin(theta)^2)`` (``Im w <= 0``: the transmitted wave decays for ``exp(+j 2 pi f
     t)``)::
@@ -14,12 +14,12 @@ def fresnel(cosine: np.ndarray, permittivity: np.ndarray) -> tuple[np.ndarray, n
         r_TE = (cos(theta) - w) / (cos(theta) + w)
         r_TM = (eps cos(theta) - w) / (eps cos(theta) + w)
 
-    so that at normal incidence ``r_TM = -r_TE``, the sign belonging to the vectors of `reflect_field`.
+    At normal incidence ``r_TM = -r_TE``; the sign follows from the vectors of `reflect_field`.
 
     Parameters
     ----------
     cosine : array (...)
-        Of the angle between the incident ray and the normal, in [0, 1].
+        Cosine of the angle between the incident ray and the normal, in [0, 1].
     permittivity : array (...) of complex
         Relative, ``eps' - j eps''``.
 
@@ -38,20 +38,19 @@ def fresnel(cosine: np.ndarray, permittivity: np.ndarray) -> tuple[np.ndarray, n
 
 
 def roughness_factor(cosine: np.ndarray, height_deviation: np.ndarray, frequency: float) -> np.ndarray:
-    """Share of the specular amplitude that a rough surface keeps.
+    """Factor of the specular amplitude of a rough surface.
 
-    Heights of Gaussian distribution spread the phase of the reflected wave by ``g = 4 pi sigma_h cos(theta)
-    / lambda`` radians; the mean of ``exp(j phase)`` is ``exp(-g**2 / 2)``. What is missing is scattered, not
-    lost.
+    Heights with a Gaussian distribution spread the phase of the reflected wave by ``g = 4 pi sigma_h cos(theta)
+    / lambda`` radians. The mean of ``exp(j phase)`` is ``exp(-g**2 / 2)``. The rest of the power is scattered.
 
     Parameters
     ----------
     cosine : array (...)
-        Of the angle of incidence.
+        Cosine of the angle of incidence.
     height_deviation : array (...)
         Standard deviation ``sigma_h`` of the height [m].
     frequency : float
-        [Hz].
+        Carrier frequency [Hz].
 
     References
     ----------
@@ -64,7 +63,7 @@ def roughness_factor(cosine: np.ndarray, height_deviation: np.ndarray, frequency
 def reflect_field(
     field: np.ndarray, incident: np.ndarray, normal: np.ndarray, te: np.ndarray, tm: np.ndarray
 ) -> np.ndarray:
-    """Turn the polarisation vector of a ray at a mirror.
+    """Field vector of a ray after reflection.
 
     With ``s = k x n / |k x n|`` across the plane of incidence and ``k' = k - 2 (k.n) n`` the reflected
     direction, ``E' = r_TE (E.s) s + r_TM (E.(s x k)) (s x k')``.
@@ -72,7 +71,7 @@ def reflect_field(
     Parameters
     ----------
     field : array (..., 3) of complex
-        Transverse to ``incident``.
+        Field vectors, transverse to ``incident``.
     incident : array (..., 3)
         Unit vector ``k`` of propagation.
     normal : array (..., 3)
@@ -87,11 +86,11 @@ def reflect_field(
 
     Notes
     -----
-    At exactly normal incidence ``s`` is any vector across ``n``: both polarisations reflect alike.
+    At exactly normal incidence ``s`` may be any vector across ``n``, as both polarisations are reflected alike.
     """
     across = np.cross(incident, normal)
     size = np.linalg.norm(across, axis=-1, keepdims=True)
-    # 1e-9 rad off normal the plane of incidence is lost in rounding, and does not matter
+    # within 1e-9 rad of normal incidence rounding errors hide the plane of incidence, which does not matter there
     helper = np.where(np.abs(normal[..., 2:]) < 0.5, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
     spare = np.cross(normal, helper)
     spare /= np.linalg.norm(spare, axis=-1, keepdims=True)

@@ -1,27 +1,27 @@
-"""Image method: which sequences of faces can carry a reflected path, and where it bounces."""
+"""Image method: the sequences of faces that can reflect a path, and the reflection points."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from erm.tracing.faces import ON_FACE, Faces, clear
+from erm.tracing.faces import FACE_THICKNESS, Faces, is_unobstructed
 
-# pairs (sequence, face) looked at in one go: some ten arrays of this many numbers are alive at once
 BATCH = 500_000
+"""Pairs (sequence, face) that are examined at once; limits memory to about ten arrays of this size."""
 
 
 @dataclass(frozen=True)
 class Sequences:
-    """Faces met one after another, and the transmitter's image behind each.
+    """Sequences of faces that a path meets, and the image of the transmitter behind each face.
 
     Parameters
     ----------
     face : array (sequence, bounce) of int
     image : array (sequence, bounce, 3)
-        After the mirrors up to and including this bounce [m].
+        Image after the reflections up to and including this one [m].
     last_wall : array (sequence,) of int
-        The last vertical face; -1 if there is none. It is the window the image is seen through.
+        Last vertical face of the sequence, through which the image is seen; -1 if there is none.
     """
 
     face: np.ndarray
@@ -29,24 +29,24 @@ class Sequences:
     last_wall: np.ndarray
 
     def take(self, chosen: np.ndarray) -> "Sequences":
-        """Those of the sequences that are chosen (mask or indices)."""
+        """Choose sequences by a mask or by indices."""
         return Sequences(self.face[chosen], self.image[chosen], self.last_wall[chosen])
 
 
 def sequences(faces: Faces, tx: np.ndarray, max_order: int) -> Iterator[Sequences]:
-    """Sequences of 1, 2, ... max_order faces that are not impossible at first sight.
+    """Sequences of 1, 2, ... max_order faces that may reflect a path.
 
-    A sequence is dropped when the image lies on the next face, or when seen from above the next wall is
-    wholly outside the wedge from the image through the last wall, or wholly behind that wall. Slabs leave
-    the wedge as it is, as they move images vertically. What remains is decided by `bounces`.
+    A sequence is dropped if the image lies on the next face. It is also dropped if, in the plan view, the next wall is
+    entirely outside the wedge from the image through the last wall, or entirely behind that wall. Ground and ceiling
+    move images vertically and do not change the wedge. `specular_paths` decides about the remaining sequences.
 
     Parameters
     ----------
     faces : Faces
     tx : array (3,)
-        Transmitter [m].
+        Position of the transmitter [m].
     max_order : int
-        Number of bounces.
+        Largest number of reflections.
     """
     grown = Sequences(np.zeros((1, 0), dtype=int), np.zeros((1, 0, 3)), np.array([-1]))
     for _ in range(max_order):
@@ -63,66 +63,67 @@ def sequences(faces: Faces, tx: np.ndarray, max_order: int) -> Iterator[Sequence
         yield grown
 
 
-def _extend(faces: Faces, tx: np.ndarray, short: Sequences) -> Sequences:
-    """All sequences one bounce longer that pass the tests of `sequences`."""
-    count, order = short.face.shape
-    image = short.image[:, -1] if order else np.tile(tx, (count, 1))
-    possible = np.abs(image @ faces.normal.T - faces.offset) > ON_FACE
+def _extend(faces: Faces, tx: np.ndarray, shorter: Sequences) -> Sequences:
+    """All sequences with one more face that pass the tests of `sequences`."""
+    count, order = shorter.face.shape
+    image = shorter.image[:, -1] if order else np.tile(tx, (count, 1))
+    possible = np.abs(image @ faces.normal.T - faces.offset) > FACE_THICKNESS
     if order:
-        possible[np.arange(count), short.face[:, -1]] = False
+        possible[np.arange(count), shorter.face[:, -1]] = False
     is_wall = faces.normal[:, 2] == 0
-    behind_window = short.last_wall >= 0
+    behind_window = shorter.last_wall >= 0
     possible[np.ix_(behind_window, is_wall)] &= _in_wedge(
-        faces, image[behind_window, :2], short.last_wall[behind_window], np.flatnonzero(is_wall)
+        faces, image[behind_window, :2], shorter.last_wall[behind_window], np.flatnonzero(is_wall)
     )
     which, added = np.nonzero(possible)
     mirrored = faces.mirror(image[which], added)
     return Sequences(
-        np.concatenate([short.face[which], added[:, None]], axis=1),
-        np.concatenate([short.image[which], mirrored[:, None]], axis=1),
-        np.where(is_wall[added], added, short.last_wall[which]),
+        np.concatenate([shorter.face[which], added[:, None]], axis=1),
+        np.concatenate([shorter.image[which], mirrored[:, None]], axis=1),
+        np.where(is_wall[added], added, shorter.last_wall[which]),
     )
 
 
 def _in_wedge(faces: Faces, apex: np.ndarray, window: np.ndarray, wall: np.ndarray) -> np.ndarray:
-    """Whether walls (w,) may be lit from apexes (n, 2) through windows (n,): (n, w), true when in doubt."""
+    """Whether walls (w,) may be visible from apexes (n, 2) through windows (n,): (n, w), true when in doubt."""
     left = faces.start[window] - apex
     right = left + faces.along[window] * faces.length[window, None]
-    turn = np.sign(_cross(left, right))[:, None, None]
+    orientation = np.sign(_cross(left, right))[:, None, None]
     ends = np.stack([faces.start[wall], faces.start[wall] + faces.along[wall] * faces.length[wall, None]], axis=1)
-    seen = ends[None] - apex[:, None, None]  # (n, w, end, 2)
-    inside_left = (turn * _cross(left[:, None, None], seen) > 0).any(-1)
-    inside_right = (turn * _cross(seen, right[:, None, None]) > 0).any(-1)
+    toward = ends[None] - apex[:, None, None]  # (n, w, end, 2)
+    inside_left = (orientation * _cross(left[:, None, None], toward) > 0).any(-1)
+    inside_right = (orientation * _cross(toward, right[:, None, None]) > 0).any(-1)
     normal, offset = faces.normal[window, :2], faces.offset[window]
     apex_side = np.sign((apex * normal).sum(-1) - offset)[:, None, None]
-    beyond = apex_side * (np.einsum("wbx,nx->nwb", ends, normal) - offset[:, None, None]) < -ON_FACE
+    beyond = apex_side * (np.einsum("wbx,nx->nwb", ends, normal) - offset[:, None, None]) < -FACE_THICKNESS
     return inside_left & inside_right & beyond.any(-1)
 
 
-def bounces(
-    faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences, hiding: Faces
+def specular_paths(
+    faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences, obstacles: Faces
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounce points of the sequences that carry a path from transmitter to receiver.
+    """Reflection points of the sequences that reflect a path from transmitter to receiver.
 
-    Backwards from the receiver: the line to the last image meets the last face at the last bounce, the line
-    from there to the image before it the face before, and so on. A path exists when each line crosses its
-    face inside the face's rectangle and no leg is hidden.
+    They are found backwards from the receiver: the line to the last image meets the last face at the last reflection
+    point; the line from there to the image before meets the face before, and so on. A path exists if each line crosses
+    its face inside the rectangle and no leg is blocked.
 
     Parameters
     ----------
     faces : Faces
     tx, rx : array (3,)
-        [m].
+        Positions of the antennas [m].
     candidates : Sequences
-        Of one length.
-    hiding : Faces
-        That no leg may pass through.
+        Sequences of one length.
+    obstacles : Faces
+        Faces that block legs.
 
     Returns
     -------
     vertices : array (path, bounce, 3)
-        In the order from transmitter to receiver [m].
+        Reflection points in the order from transmitter to receiver [m].
     face : array (path, bounce) of int
+        Face of each reflection.
     """
     order = candidates.face.shape[1]
     target = np.tile(rx, (len(candidates.face), 1))
@@ -130,20 +131,20 @@ def bounces(
     for bounce in reversed(range(order)):
         face, image = candidates.face[:, bounce], candidates.image[:, bounce]
         here, there = faces.distance(target, face), faces.distance(image, face)
-        crossing = (here * there < 0) & (np.abs(here) > ON_FACE)
+        crossing = (here * there < 0) & (np.abs(here) > FACE_THICKNESS)
         candidates, target, vertices = candidates.take(crossing), target[crossing], vertices[crossing]
         share = here[crossing] / (here[crossing] - there[crossing])
         target = target + share[:, None] * (image[crossing] - target)
-        inside = faces.holds(target, face[crossing])
+        inside = faces.contains(target, face[crossing])
         candidates, target, vertices = candidates.take(inside), target[inside], vertices[inside]
         vertices[:, bounce] = target
     route = polyline(tx, vertices, rx)
-    free = clear(hiding, route[:, :-1], route[:, 1:]).all(axis=-1)
+    free = is_unobstructed(obstacles, route[:, :-1], route[:, 1:]).all(axis=-1)
     return vertices[free], candidates.face[free]
 
 
 def polyline(tx: np.ndarray, vertices: np.ndarray, rx: np.ndarray) -> np.ndarray:
-    """Corners (path, bounce + 2, 3) of paths, the antennas included."""
+    """Corners (path, bounce + 2, 3) of paths, with the antennas."""
     ends = (np.broadcast_to(end, (len(vertices), 1, 3)) for end in (tx, rx))
     first, last = ends
     return np.concatenate([first, vertices, last], axis=1)

@@ -1,11 +1,13 @@
-"""Field carried along a known polyline: spreading, Fresnel, roughness, polarisation, phase."""
+"""Complex amplitude of a known path: spreading, reflection, roughness, polarisation, phase."""
+
+from typing import Literal
 
 import numpy as np
 
 from erm.common.constants import c
 from erm.tracing.fresnel import fresnel, reflect_field, roughness_factor
 
-POLARIZATIONS = ("vertical", "horizontal")
+Polarization = Literal["vertical", "horizontal"]
 
 
 def path_coefficients(
@@ -15,34 +17,34 @@ def path_coefficients(
     height_deviation: np.ndarray,
     frequency: float,
     *,
-    polarization: str = "vertical",
+    polarization: Polarization = "vertical",
     spreading: np.ndarray | None = None,
 ) -> np.ndarray:
     """Baseband amplitudes of paths between isotropic antennas, for the time convention ``exp(+j 2 pi f t)``.
 
-    With path length ``L`` and ``p`` the polarisation of either antenna::
+    With path length ``L`` and polarisation vectors ``p`` of the antennas::
 
         h = lambda / (4 pi L) * (p_rx . E) * exp(-j 2 pi f L / c)
 
-    ``E`` starts as ``p_tx``; each bounce turns it (`reflect_field`) with the Fresnel coefficients of the face
-    times its roughness factor.
+    ``E`` starts as ``p_tx``. Each reflection changes it (`reflect_field`) by the Fresnel coefficients of the face times
+    its roughness factor.
 
     Parameters
     ----------
     route : array (path, bounce + 2, 3)
-        Corners from transmitter to receiver, both included [m].
+        Corners from transmitter to receiver, with both [m].
     normal : array (path, bounce, 3)
-        Unit normals of the faces; either sign.
+        Unit normals of the faces, of either sign.
     permittivity : array (path, bounce) of complex
-        Relative, ``eps' - j eps''``.
+        Relative permittivity ``eps' - j eps''``.
     height_deviation : array (path, bounce)
-        [m].
+        Standard deviation of the surface height [m].
     frequency : float
-        [Hz].
+        Carrier frequency [Hz].
     polarization : {"vertical", "horizontal"}
-        Of both antennas.
+        Polarisation of both antennas.
     spreading : array (path,), optional
-        Takes the place of ``L`` in the first factor [m], where a curved face spreads the wave.
+        Replaces ``L`` in the first factor [m], where a curved face spreads the wave.
 
     Returns
     -------
@@ -57,19 +59,19 @@ def path_coefficients(
         incident, n = ray[:, bounce], normal[:, bounce]
         cosine = np.abs((incident * n).sum(-1))
         te, tm = fresnel(cosine, permittivity[:, bounce])
-        kept = roughness_factor(cosine, height_deviation[:, bounce], frequency)
-        field = reflect_field(field, incident, n, kept * te, kept * tm)
+        roughness = roughness_factor(cosine, height_deviation[:, bounce], frequency)
+        field = reflect_field(field, incident, n, roughness * te, roughness * tm)
     received = (field * antenna_vector(ray[:, -1], polarization)).sum(-1)
     amplitude = c / frequency / (4 * np.pi * (length if spreading is None else spreading))
     return amplitude * received * np.exp(-2j * np.pi * frequency * (length / c))
 
 
-def antenna_vector(ray: np.ndarray, polarization: str) -> np.ndarray:
-    """Polarisation (path, 3) of an antenna for rays of propagation (path, 3).
+def antenna_vector(ray: np.ndarray, polarization: Polarization) -> np.ndarray:
+    """Polarisation vectors (path, 3) of an antenna for directions of propagation (path, 3).
 
-    Vertical is the unit vector of growing zenith angle, which is the same for a direction and its opposite,
-    so one formula serves departure and arrival. Horizontal is the unit vector of growing azimuth of the
-    direction of propagation. A direct path thus has a positive factor.
+    Vertical is the unit vector of growing zenith angle. It is the same for a direction and its opposite, so one formula
+    is valid for departure and arrival. Horizontal is the unit vector of growing azimuth of the direction of
+    propagation. The factor of a direct path is positive.
     """
     azimuth = np.arctan2(ray[:, 1], ray[:, 0])
     if polarization == "horizontal":

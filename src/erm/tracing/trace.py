@@ -1,6 +1,6 @@
-"""Forward model: every specular path of an environment, to a given number of bounces."""
+"""Forward model: all specular paths in an environment, up to a number of reflections."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 from erm.common.constants import c
 from erm.common.errors import DataError
 from erm.maps.environment import CEILING, GROUND, NO_BOUNCE, Environment
-from erm.tracing.cylinders import pole_bounces, pole_spreading
-from erm.tracing.faces import Faces, clear, faces_of
-from erm.tracing.image_method import bounces, polyline, sequences
-from erm.tracing.propagation import POLARIZATIONS, path_coefficients
+from erm.tracing.cylinders import pole_reflections, pole_spreading
+from erm.tracing.faces import Faces, faces_of, is_unobstructed
+from erm.tracing.image_method import polyline, sequences, specular_paths
+from erm.tracing.propagation import Polarization, path_coefficients
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,14 +24,14 @@ def trace(
     frequency: float,
     *,
     max_order: int = 3,
-    polarization: str = "vertical",
+    polarization: Polarization = "vertical",
     obstacles: Environment | None = None,
 ) -> "xr.Dataset":
     """Find the direct path and all specular paths between two isotropic antennas.
 
-    Image method over the walls (both sides reflect, nothing passes through), the ground and the ceiling.
-    Poles add one single-bounce path each where they are seen, and hide nothing. Amplitudes are those of
-    `path_coefficients`; behind a pole the wave spreads as `pole_spreading` says.
+    The image method is applied to walls, ground and ceiling. Both sides of a wall reflect; nothing passes through it.
+    Each visible pole adds one path with a single reflection; poles block nothing. `path_coefficients` and, for poles,
+    `pole_spreading` (`erm.tracing`) give the amplitudes.
 
     Parameters
     ----------
@@ -39,46 +39,57 @@ def trace(
     tx, rx : array (3,)
         Positions, east/north/up [m].
     frequency : float
-        [Hz].
+        Carrier frequency [Hz].
     max_order : int
-        Largest number of bounces.
+        Largest number of reflections of a path.
     polarization : {"vertical", "horizontal"}
-        Of both antennas.
+        Polarisation of both antennas.
     obstacles : Environment, optional
-        What stands in the way of paths; by default the environment. Where walls may reach further than they are known
-        to, paths off all that may be there and past all that is known to be are found by giving both.
+        Walls that block paths; default: those of the environment. Give both if walls may extend further than is known:
+        the possible walls then reflect, and only the known ones block.
 
     Returns
     -------
     xarray.Dataset
-        Dimension ``path`` (possibly of length 0), sorted by delay: ``delay`` [s]; ``azimuth``,
-        ``elevation``, ``departure_azimuth``, ``departure_elevation`` [degree]; ``coefficient``;
-        ``path_gain`` [dB]; ``order``; ``los``; ``vertices`` (path, bounce, xyz) [m] from transmitter to
-        receiver, padded with NaN; ``reflector`` (path, bounce), index of the environment's reflector, -1
-        ground, -2 ceiling, -3 padding.
+        Dimension ``path``, possibly of length 0, sorted by delay: ``delay`` [s]; ``azimuth``, ``elevation``,
+        ``departure_azimuth``, ``departure_elevation`` [degree]; complex ``coefficient``; ``path_gain`` [dB]; ``order``,
+        the number of reflections; ``los``, true for the direct path; reflection points ``vertices`` (path, bounce, xyz)
+        [m] from transmitter to receiver, padded with NaN; ``reflector`` (path, bounce), index in the reflectors of the
+        environment, -1 for the ground, -2 for the ceiling, -3 for padding.
 
     Raises
     ------
     DataError
-        The antennas are at one place, or an argument is not what it must be.
+        The antennas are at one place, or an argument is out of range.
+
+    Examples
+    --------
+    >>> import erm
+    >>> from erm.maps.environment import Slab
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0, ground=Slab(0.0))
+    >>> paths = erm.trace(street, (0, 0, 9), (20, -4, 2), 132e9, max_order=1)
+    >>> paths["reflector"].values.tolist()  # direct path, ground, wall
+    [[-3], [-1], [0]]
+    >>> (paths["delay"].values * 1e9).round(1).tolist()
+    [71.9, 77.3, 106.8]
     """
     here, there = _position("tx", tx), _position("rx", rx)
     if np.array_equal(here, there):
         raise DataError(f"tx and rx are both at {here.tolist()} m; a path needs two places")
     if not (np.isfinite(frequency) and frequency > 0):
         raise DataError(f"frequency {frequency} Hz; expected a positive number")
-    if polarization not in POLARIZATIONS:
-        raise DataError(f"polarization {polarization!r}; expected one of {', '.join(POLARIZATIONS)}")
+    if polarization not in get_args(Polarization):
+        raise DataError(f"polarization {polarization!r}; expected one of {', '.join(get_args(Polarization))}")
     if max_order < 0:
         raise DataError(f"max_order {max_order}; expected 0 or more")
 
     faces = faces_of(environment)
-    hiding = faces if obstacles is None else faces_of(obstacles)
-    found = [_direct(hiding, here, there)]
+    blocking = faces if obstacles is None else faces_of(obstacles)
+    found = [_direct(blocking, here, there)]
     if max_order:
-        found.append(_poles(environment, hiding, here, there))
+        found.append(_poles(environment, blocking, here, there))
     for candidates in sequences(faces, here, max_order):
-        vertices, face = bounces(faces, here, there, candidates, hiding)
+        vertices, face = specular_paths(faces, here, there, candidates, blocking)
         found.append((vertices, faces.label[face], faces.normal[face], None))
     parts = [_paths(environment, here, there, frequency, polarization, *group) for group in found if len(group[0])]
     return _table(parts, max_order, frequency)
@@ -87,20 +98,20 @@ def trace(
 Group = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]  # vertices, reflector, normal, spreading
 
 
-def _direct(hiding: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
-    seen = int(clear(hiding, tx[None], rx[None])[0])
-    return np.empty((seen, 0, 3)), np.empty((seen, 0), dtype=int), np.empty((seen, 0, 3)), None
+def _direct(blocking: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
+    visible = int(is_unobstructed(blocking, tx[None], rx[None])[0])
+    return np.empty((visible, 0, 3)), np.empty((visible, 0), dtype=int), np.empty((visible, 0, 3)), None
 
 
-def _poles(environment: Environment, hiding: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
+def _poles(environment: Environment, blocking: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
     table = environment.reflectors
     label = np.flatnonzero(table.kind.values == "pole")
     centre, radius = table.end_points.values[label, 0], table.radius.values[label]
     base, top = table.base.values[label], table.top.values[label]
-    point, normal = pole_bounces(tx, rx, centre, radius)
-    hit = np.flatnonzero((point[:, 2] >= base) & (point[:, 2] <= top))  # NaN, no bounce, is neither
+    point, normal = pole_reflections(tx, rx, centre, radius)
+    hit = np.flatnonzero((point[:, 2] >= base) & (point[:, 2] <= top))  # false for NaN, no reflection
     route = polyline(tx, point[hit, None], rx)
-    hit = hit[clear(hiding, route[:, :-1], route[:, 1:]).all(axis=-1)]
+    hit = hit[is_unobstructed(blocking, route[:, :-1], route[:, 1:]).all(axis=-1)]
     spreading = pole_spreading(tx, rx, point[hit], normal[hit], radius[hit])
     return point[hit, None], label[hit, None], normal[hit, None], spreading
 
@@ -110,13 +121,13 @@ def _paths(
     tx: np.ndarray,
     rx: np.ndarray,
     frequency: float,
-    polarization: str,
+    polarization: Polarization,
     vertices: np.ndarray,
     reflector: np.ndarray,
     normal: np.ndarray,
     spreading: np.ndarray | None,
 ) -> dict[str, np.ndarray]:
-    """Columns of paths of one order."""
+    """Columns of the paths of one order."""
     permittivity, height_deviation = _surfaces(environment, reflector, frequency)
     route = polyline(tx, vertices, rx)
     legs = np.diff(route, axis=1)
@@ -143,7 +154,7 @@ def _paths(
 
 
 def _surfaces(environment: Environment, reflector: np.ndarray, frequency: float) -> tuple[np.ndarray, np.ndarray]:
-    """Permittivity and height deviation of the reflectors (path, bounce) met."""
+    """Permittivity and height deviation of the reflectors (path, bounce)."""
     names = dict(enumerate(environment.reflectors.material.values.tolist()))
     names |= {
         tag: slab.material for tag, slab in ((GROUND, environment.ground), (CEILING, environment.ceiling)) if slab
@@ -170,7 +181,7 @@ def _position(name: str, value: ArrayLike) -> np.ndarray:
 
 
 def _table(parts: list[dict[str, np.ndarray]], max_order: int, frequency: float) -> "xr.Dataset":
-    """One table of the paths of all orders, sorted by delay."""
+    """Table of the paths of all orders, sorted by delay."""
     import xarray as xr
 
     def column(name: str, dtype: type = float) -> np.ndarray:
@@ -189,7 +200,7 @@ def _table(parts: list[dict[str, np.ndarray]], max_order: int, frequency: float)
     coefficient = column("coefficient", complex)
     reflector = padded("reflector", NO_BOUNCE, np.int64)
     order = (reflector != NO_BOUNCE).sum(axis=1)
-    with np.errstate(divide="ignore"):  # a path may be cross-polarised to nothing: -inf dB
+    with np.errstate(divide="ignore"):  # a path may be entirely cross-polarised: -inf dB
         gain = 20 * np.log10(np.abs(coefficient))
     columns = {
         "delay": (("path",), delay, "s", "propagation delay"),
@@ -199,10 +210,10 @@ def _table(parts: list[dict[str, np.ndarray]], max_order: int, frequency: float)
         "departure_elevation": (("path",), column("departure_elevation"), "degree", "elevation of departure"),
         "coefficient": (("path",), coefficient, "1", "baseband amplitude"),
         "path_gain": (("path",), gain, "dB", "path gain"),
-        "order": (("path",), order, "1", "number of bounces"),
+        "order": (("path",), order, "1", "number of reflections"),
         "los": (("path",), order == 0, "1", "direct path"),
-        "vertices": (("path", "bounce", "xyz"), padded("vertices", np.nan, float, 3), "m", "bounce points"),
-        "reflector": (("path", "bounce"), reflector, "1", "reflector of each bounce"),
+        "vertices": (("path", "bounce", "xyz"), padded("vertices", np.nan, float, 3), "m", "reflection points"),
+        "reflector": (("path", "bounce"), reflector, "1", "reflector of each reflection point"),
     }
     return xr.Dataset(
         {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from erm.maps.environment import Environment
-from erm.tracing.cylinders import pole_bounces, pole_spreading
+from erm.tracing.cylinders import pole_reflections, pole_spreading
 from erm.tracing.trace import trace
 
 FREQUENCY = 132e9
@@ -17,9 +17,9 @@ def random_pole(seed: int) -> tuple[np.ndarray, ...]:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_pole_bounces_where_the_path_around_it_is_shortest(seed):
+def test_a_pole_reflections_where_the_path_around_it_is_shortest(seed):
     tx, rx, centre, radius = random_pole(seed)
-    point, normal = pole_bounces(tx, rx, centre, radius)
+    point, normal = pole_reflections(tx, rx, centre, radius)
     azimuth = np.linspace(0, 2 * np.pi, 20001)
     circle = centre + radius * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     lit = ((tx[:2] - circle) * (circle - centre)).sum(-1) > 0
@@ -36,16 +36,16 @@ def test_a_pole_bounces_where_the_path_around_it_is_shortest(seed):
 
 
 def test_a_pole_between_the_antennas_or_around_one_reflects_nothing():
-    point, _ = pole_bounces(np.array([-5.0, 0, 1]), np.array([5.0, 0, 1]), np.zeros((1, 2)), np.array([0.3]))
+    point, _ = pole_reflections(np.array([-5.0, 0, 1]), np.array([5.0, 0, 1]), np.zeros((1, 2)), np.array([0.3]))
     assert np.isnan(point).all()
-    point, _ = pole_bounces(np.array([0.1, 0, 1]), np.array([5.0, 0, 1]), np.zeros((1, 2)), np.array([0.3]))
+    point, _ = pole_reflections(np.array([0.1, 0, 1]), np.array([5.0, 0, 1]), np.zeros((1, 2)), np.array([0.3]))
     assert np.isnan(point).all()
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_wave_behind_a_pole_spreads_as_a_tube_of_rays_does(seed):
     tx, rx, centre, radius = random_pole(seed)
-    point, normal = pole_bounces(tx, rx, centre, radius)
+    point, normal = pole_reflections(tx, rx, centre, radius)
     if np.isnan(point).any():
         # the pole stands between the antennas or around one, which the test before this one is about
         pytest.skip("no bounce in this draw")
