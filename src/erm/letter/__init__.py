@@ -1,4 +1,4 @@
-"""The letter, reproduced and overtaken: its tables and figures beside those of this software.
+"""The studies of the letter, repeated: its tables and figures beside those of this software.
 
 Chang et al., "Environment Reconstruction with Multi-targets Reflectors-merged Sensing Method Based on THz
 Single-sided Channel Characteristics".

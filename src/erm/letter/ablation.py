@@ -1,13 +1,13 @@
-"""What stands between an instrument's MPCs and the map they could make: one thing taken away at a time.
+"""What keeps the MPCs of an instrument from a better map: one cause is removed at a time.
 
-The experiments need no captures of their own. The same MPCs are searched again
+The experiments need no new captures. The same MPCs are reconstructed again
 
-- without those that no path explains: remainders of stronger ones, and paths that were not told apart;
-- with standard deviations that hold: widened, in quadrature, by the RMS error that the single bounces truly have;
+- without those that no path explains: residues of stronger ones, and paths that were not separated;
+- with corrected standard deviations: widened, in quadrature, by the true RMS error of the single bounces;
 - as single bounces off walls alone, at their true delays and azimuths.
 
-What the map gains with a step is what that step takes away; what it does not gain was not measured, or no other
-position shares it.
+What the map gains in a step shows the effect of the cause that was removed. What it never gains was not measured, or
+no other position shares it.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -16,7 +16,7 @@ import numpy as np
 
 from erm.geometry.vertical import angle_difference
 from erm.letter.captures import Campaign
-from erm.letter.truth import NO_PATH, IntArray, behind, is_single_wall_bounce, rays_of
+from erm.letter.truth import NO_PATH, IntArray, is_single_wall_bounce, rays_of, true_ray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,40 +25,40 @@ if TYPE_CHECKING:
 
 
 class Parts(NamedTuple):
-    """A campaign's MPCs, whole and with something taken away.
+    """The MPCs of a campaign with one cause of errors removed in each table.
 
     Parameters
     ----------
-    known, honest, singles, exact : xarray.Dataset
-        MPC tables: those that a path explains; all, with standard deviations that hold; the single bounces off walls
-        as measured; these at their true delays and azimuths.
+    explained, corrected, singles, exact : xarray.Dataset
+        MPC tables: the MPCs that a path explains; all MPCs with corrected standard deviations; the single bounces off
+        walls as measured; the same at their true delays and azimuths.
     ray : array (mpc,)
-        Index of the ray behind each single.
-    there : int
-        Single bounces that the campaign has.
+        Index of the true ray of each single bounce.
+    available : int
+        Number of single bounces that the campaign has.
     excess : dict of str to float
-        How many times the RMS error of the singles' ``delay`` and ``azimuth`` exceeds the median standard deviation
-        that the table gives them; NaN of none.
+        RMS error of the single bounces over their median standard deviation, for ``delay`` and ``azimuth``; NaN if
+        there are none.
     """
 
-    known: "xr.Dataset"
-    honest: "xr.Dataset"
+    explained: "xr.Dataset"
+    corrected: "xr.Dataset"
     singles: "xr.Dataset"
     exact: "xr.Dataset"
     ray: IntArray
-    there: int
+    available: int
     excess: dict[str, float]
 
     @property
     def measured(self) -> int:
-        """Single bounces that an MPC was found of."""
+        """Number of single bounces that were found."""
         return len(np.unique(self.ray))
 
 
-def parts(table: "xr.Dataset", campaign: Campaign) -> Parts:
-    """Take a campaign's MPCs apart by the rays behind them."""
+def split_by_cause(table: "xr.Dataset", campaign: Campaign) -> Parts:
+    """Make the tables of a campaign's MPCs from the true ray of each."""
     rays = rays_of(campaign)
-    ray = behind(table, campaign, rays)
+    ray = true_ray(table, campaign, rays)
     single = is_single_wall_bounce(campaign, rays)
     chosen = np.flatnonzero((ray != NO_PATH) & single[ray])
     singles, of = table.isel(mpc=chosen), ray[chosen]
@@ -68,12 +68,12 @@ def parts(table: "xr.Dataset", campaign: Campaign) -> Parts:
         "azimuth": angle_difference(singles["azimuth"].values, true["azimuth"]),
     }
     return Parts(
-        known=table.isel(mpc=np.flatnonzero(ray != NO_PATH)),
-        honest=_widened(table, error),
+        explained=table.isel(mpc=np.flatnonzero(ray != NO_PATH)),
+        corrected=_widened(table, error),
         singles=singles,
         exact=singles.assign({name: ("mpc", values) for name, values in true.items()}),
         ray=of,
-        there=int(np.count_nonzero(single)),
+        available=int(np.count_nonzero(single)),
         excess={name: _excess(values, singles[f"{name}_std"].values) for name, values in error.items()},
     )
 

@@ -1,7 +1,7 @@
-"""Where the study's captures come from: an instrument that another package provides.
+"""Where the captures of the study come from: a simulated instrument that another package provides.
 
-This package knows geometry and MPC tables, no instruments. Whoever can carry paths through an instrument registers a
-module under the entry-point group ``erm.captures``; it has the functions of `Captures`.
+This package knows geometry and MPC tables, but no instruments. A package that can simulate captures registers a module
+under the entry-point group ``erm.captures``. The module has the functions of `Captures`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -40,28 +40,28 @@ class Link:
 
     @property
     def distance(self) -> float:
-        """From antenna to antenna, aslant [m]."""
+        """Slant distance between the antennas [m]."""
         return float(np.linalg.norm(np.subtract(self.tx, self.rx)))
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """What is measured where.
+    """An environment and the links to measure in it.
 
     Parameters
     ----------
     name : str
     environment : Environment
-        That is measured.
+        Environment to measure.
     links : tuple of Link
     frequency : float
         Carrier [Hz].
     max_order : int
         Largest number of bounces of the paths that are captured.
     parameters : mapping of str to str
-        The set-up in words, under the names of the letter's Table 1.
+        Texts that describe the set-up, under the names of the letter's Table 1.
     instrument : object
-        The provider's own description of it.
+        The provider's own description of the instrument.
     """
 
     name: str
@@ -73,32 +73,32 @@ class Campaign:
     instrument: Any
 
     def at(self, links: Sequence[Link]) -> "Campaign":
-        """The same campaign between other antennas."""
+        """Return the same campaign with other links."""
         return replace(self, links=tuple(links))
 
     def to_order(self, max_order: int) -> "Campaign":
-        """The same campaign with paths of more or fewer bounces."""
+        """Return the same campaign with another largest number of bounces."""
         return replace(self, max_order=max_order)
 
 
 @dataclass(frozen=True)
 class Change:
-    """What is changed about an instrument; None leaves a setting as it is.
+    """Changes of an instrument. None leaves a setting unchanged.
 
     Parameters
     ----------
     bandwidth : float, optional
-        Sample rate [Hz]; the sequence grows with it, so that its period stays.
+        Sample rate [Hz]. The sequence grows with it, so that its period stays the same.
     azimuth_step : float, optional
-        Between two directions of the scan [degree].
+        Angle between two directions of the scan [degree].
     beamwidth : float, optional
-        Horizontal half-power beamwidth of the receive antenna [degree]; its gain falls as the beam widens.
+        Horizontal half-power beamwidth of the receive antenna [degree]. The gain falls as the beam widens.
     power : float
-        Added to the transmitted power [dB].
+        Change of the transmitted power [dB].
     noise : bool
         Whether the receiver has thermal noise.
     snapshots : int, optional
-        Captures a direction.
+        Captures in each direction.
     """
 
     bandwidth: float | None = None
@@ -109,21 +109,21 @@ class Change:
     snapshots: int | None = None
 
 
-AS_IT_IS = Change()
+UNCHANGED = Change()
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What came out of a campaign's captures.
+    """Results of the captures of a campaign.
 
     Parameters
     ----------
     mpcs : xarray.Dataset
         MPC table (`erm.mpcs.table`) of all positions.
     snr : array (mpc,)
-        Power over noise in the strongest beam [dB].
+        SNR in the strongest beam [dB].
     daps : mapping of str to xarray.Dataset
-        By position: ``daps`` (azimuth, elevation, delay) [dB] and what else `Captures.draw_daps` needs.
+        DAPS of each position: ``daps`` (azimuth, elevation, delay) [dB], and what `Captures.draw_daps` needs.
     """
 
     mpcs: xr.Dataset
@@ -132,27 +132,27 @@ class Measured:
 
     @property
     def median_snr(self) -> float:
-        """Median over the MPCs [dB]; NaN of none."""
+        """Median over the MPCs [dB]; NaN if there are none."""
         return float(np.median(self.snr)) if self.snr.size else float("nan")
 
 
 class Captures(Protocol):
-    """An instrument to carry paths through."""
+    """A simulated instrument that makes captures of paths."""
 
     def campaign(self, scene: str) -> Campaign:
-        """A campaign that ships with the instrument, by its scene's name."""
+        """Return a campaign that ships with the instrument, by the name of its scene."""
 
     def measure(
-        self, campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable[[], None] | None = None
+        self, campaign: Campaign, change: Change = UNCHANGED, *, progress: Callable[[], None] | None = None
     ) -> Measured:
-        """Make the raw captures of each position, and process them to MPCs; ``progress`` is called after each."""
+        """Make the raw captures of each position and process them to MPCs. ``progress`` is called after each."""
 
     def draw_daps(self, products: Sequence[tuple[str, xr.Dataset]], axes: "PolarAxes") -> "PolarAxes":
-        """Draw the DAPS of one or two positions: angle azimuth, radius delay, colour power."""
+        """Draw the DAPS of one or two positions: azimuth as angle, delay as radius, power as colour."""
 
 
-class Remembered:
-    """Captures of which no link is measured twice with the same instrument; their DAPS are not kept.
+class Cached:
+    """Captures that measure no link twice with the same instrument. DAPS are not kept.
 
     Parameters
     ----------
@@ -164,13 +164,13 @@ class Remembered:
         self._known: dict[tuple[Link, int, Change], tuple[xr.Dataset, FloatArray]] = {}
 
     def campaign(self, scene: str) -> Campaign:
-        """A campaign that ships with the instrument."""
+        """Return a campaign that ships with the instrument."""
         return self._captures.campaign(scene)
 
     def measure(
-        self, campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable[[], None] | None = None
+        self, campaign: Campaign, change: Change = UNCHANGED, *, progress: Callable[[], None] | None = None
     ) -> Measured:
-        """Measure what is not known yet; ``progress`` is called after each new position."""
+        """Measure the links that were not measured before. ``progress`` is called after each new position."""
         keys = [(link, campaign.max_order, change) for link in campaign.links]
         new = [key[0] for key in keys if key not in self._known]
         if new:
@@ -193,17 +193,17 @@ def installed() -> Captures:
     Raises
     ------
     DataError
-        There is none, or it cannot be imported.
+        No instrument is installed, or it cannot be imported.
     """
     for entry in entry_points(group=GROUP):
         try:
             return cast(Captures, entry.load())
         except ImportError as error:
             raise DataError(
-                f"entry point {GROUP}: {entry.value} makes the captures that the study needs, but cannot be imported "
-                f"({error}); reinstall the package it belongs to"
+                f"entry point {GROUP}: {entry.value} makes the captures of the study, but cannot be imported "
+                f"({error}); reinstall its package"
             ) from error
     raise DataError(
-        f"entry point {GROUP}: no installed package makes captures, which the study needs; "
+        f"entry point {GROUP}: no installed package makes the captures of the study; "
         "pip install sounder-to-map, or reinstall it if this is a checkout"
     )

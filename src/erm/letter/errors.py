@@ -1,4 +1,4 @@
-"""What the page says of the errors: Table 3 by three methods, and each limit of the letter's on and off."""
+"""Section of the page on errors: Table 3 by three methods, and each limit of the letter's method on and off."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -19,17 +19,18 @@ if TYPE_CHECKING:
 
 ERRORS = ("min", "max", "mean", "std", "rmse")
 HEADS = ["min [m]", "max [m]", "mean [m]", "std [m]", "RMSE [m]"]
-ROUTE_BAR, TIMES_BAR = 0.05, 20.0  # m; ratio
+ROUTE_TARGET, TIMES_TARGET = 0.05, 20.0  # m; ratio. Targets of the study
 
 
 def errors(page: Page, studied: routes.Study, by_route: Mapping[str, Mapping[str, FloatArray]]) -> None:
     """Fig. 4b and Table 3."""
     page.add(
         "## Errors (Fig. 4b, Table 3)",
-        "The distance of each reflection point to the line of the face that reflected it. (a) is recomputed from the "
-        "points that the letter prints; (b), (c) and (d) are the same MPCs of the twin's captures, by the letter's "
-        "planar equations, by ours, and on our merged walls. The letter's environment is not ours, so (a) and (b) "
-        "need not agree: what (b) shows is the part of such an error that the planar reading makes by itself.",
+        "The error is the distance of a reflection point from the line of the face that reflected it. (a) is "
+        "recomputed from the points that the letter prints. (b), (c) and (d) use the same MPCs of simulated captures: "
+        "(b) with the letter's planar equations, (c) with our equations, (d) on our merged walls. The letter's "
+        "environment is not ours, so (a) and (b) need not agree. (b) shows the part of such an error that the "
+        "planar equations cause.",
     )
     known = published.errors()
     rows: list[list[object]] = []
@@ -45,32 +46,32 @@ def errors(page: Page, studied: routes.Study, by_route: Mapping[str, Mapping[str
             rows.append([label, f"({letter}) {method}", *_error_cells(values)])
     page.table(["route", "method", "points", *HEADS], rows)
     page.add(
-        "The points of Porch and Canyon are not printed, so (a) does not exist for them. Route 1's largest error is "
-        "3.77 m from the printed points; the letter prints 3.76."
+        "The points of Porch and Canyon are not printed, so (a) does not exist for them. The largest error of route 1 "
+        "is 3.77 m by the printed points; the letter prints 3.76 m."
     )
     page.table(
         [
             "route",
             "merged RMSE [m]",
-            f"wanted: at most {ROUTE_BAR} m",
+            f"target: at most {ROUTE_TARGET} m",
             "times better than planar",
-            f"at least {TIMES_BAR:g}",
+            f"target: at least {TIMES_TARGET:g}",
         ],
         [
-            [route, rmse, _verdict(rmse <= ROUTE_BAR), times, _verdict(times >= TIMES_BAR)]
-            for route, (rmse, times) in routes.bars(by_route).items()
+            [route, rmse, _verdict(rmse <= ROUTE_TARGET), times, _verdict(times >= TIMES_TARGET)]
+            for route, (rmse, times) in routes.improvements(by_route).items()
         ],
     )
     false = ", ".join(f"{route} {count}" for route, count in routes.false_by_route(studied).items())
     page.add(
-        f"Points are those on walls, as the figures above count them. Accepted MPCs that are no single bounces off a "
-        f"wall: {false}."
+        f"The points are those on walls, as counted in the figures above. Accepted MPCs that are not single bounces "
+        f"off a wall: {false}."
     )
     _limits(page, studied)
     _scatter(page, studied)
     page.add(
-        "The letter selects by Eq. 4, twice the smallest reflection loss of the scenario. On the same captures, with "
-        "its own equations, that leaves:"
+        "The letter selects MPCs by Eq. 4: at most twice the smallest reflection loss of the scenario. On the same "
+        "captures, with the letter's own equations, this gives:"
     )
     page.table(
         ["route", "points", *HEADS],
@@ -80,8 +81,8 @@ def errors(page: Page, studied: routes.Study, by_route: Mapping[str, Mapping[str
         "letter_points",
         _printed_points(),
         f"The letter's {len(published.ROUTE_1_POINTS)} printed points of route 1 and "
-        f"{len(published.ROUTE_2_ORDINATES)} printed ordinates of route 2 (eastings are not printed), with the faces "
-        "they are judged by; black: the errors.",
+        f"{len(published.ROUTE_2_ORDINATES)} printed ordinates of route 2 (eastings are not printed), with their "
+        "faces. Black: the errors.",
     )
     joined = {
         method: np.concatenate([methods[method] for methods in by_route.values()])
@@ -90,7 +91,7 @@ def errors(page: Page, studied: routes.Study, by_route: Mapping[str, Mapping[str
     page.figure(
         "route_cdf",
         plot_error_cdf({PRINTED: np.concatenate(list(known.values()))} | joined, colours=COLOURS),
-        "Distance to the face: the letter's printed points of routes 1 and 2, and the MPCs on walls of routes 1 to 4 "
+        "Distance from the face: the letter's printed points of routes 1 and 2, and the MPCs on walls of routes 1 to 4 "
         "by three methods.",
     )
 
@@ -99,11 +100,11 @@ def _limits(page: Page, studied: routes.Study) -> None:
     """Each limit of the letter's method on and off."""
     printed = {route: published.TABLE_3[column] for route, column in published.COLUMN_OF_ROUTE.items()}
     page.add(
-        "What makes (b) differ from what is printed: the same MPCs read with each limit of the letter's method on and "
-        "off (mean and standard deviation [m])."
+        "Why (b) differs from the printed errors: the same MPCs with each limit of the letter's method on and off "
+        "(mean and standard deviation [m])."
     )
     page.table(
-        ["planar", "azimuths of the scan", "delays of the samples", *printed],
+        ["planar equations", "azimuths of the scan", "delays of the samples", *printed],
         [
             ["printed", None, None, *(f"{one['mean']:.2f}, {one['RMSE']:.2f}" for one in printed.values())],
             *(
@@ -115,21 +116,22 @@ def _limits(page: Page, studied: routes.Study) -> None:
 
 
 def _scatter(page: Page, studied: routes.Study) -> None:
-    """What is left of the printed errors when the planar reading is not their cause."""
+    """The part of the printed errors that the planar equations do not cause."""
     signs = {route: float(np.mean(values)) for route, values in printed_signs().items()}
     page.add(
-        "The planar reading moves all points of a face the same way, behind it. The mean with its sign tells how far "
-        "that can be what made the printed errors. What it cannot is made here by path lengths that are off by a "
-        "normal error, heights taken into account: its standard deviation is chosen such that the RMSE comes out, and "
-        "mean and standard deviation of the error follow. Where they differ from the printed ones, the last columns "
-        "tell which bias that all paths of the route share, as of a clock or of a face that stands elsewhere than on "
-        "the map, and which standard deviation beside it make these. (The letter's own explanation is an uneven face.)"
+        "The planar equations move all points of a face in the same direction, behind the face. The signed mean shows "
+        "how much of the printed errors this can explain. The rest is modelled here by normal errors of the path "
+        "lengths, with the heights taken into account. The standard deviation of the length is fitted to the RMSE; "
+        "mean and standard deviation of the error follow from it. Where these differ from the printed ones, the last "
+        "columns give a bias that all paths of the route share and a standard deviation about it which reproduce "
+        "them. A clock error, or a face that does not stand where the map has it, causes such a bias. (The letter's "
+        "own explanation is an uneven face.)"
     )
     page.table(
         [
             "route",
             "signed mean of the printed points",
-            "by the planar reading here",
+            "by the planar equations here",
             "RMSE of the print",
             "std of the length",
             "mean that follows",
@@ -137,7 +139,7 @@ def _scatter(page: Page, studied: routes.Study) -> None:
             "std that follows",
             "printed",
             "shared bias of the length",
-            "std beside it",
+            "std about it",
             "mean and std that follow",
         ],
         [

@@ -1,4 +1,4 @@
-"""The letter's numbers, one a row: as printed, from its own printed data, by its method here, and by ours."""
+"""The letter's numbers, one a row: as printed, from its printed data, by its method here, and by our method."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from erm.letter.methods import MERGED, PLANAR
 from erm.letter.room import Sensed
 from erm.letter.routes import Study
 
-BAR = 0.01  # m; to which printed numbers that can be recomputed must be matched
-NOT_THERE = float("nan")
+TARGET = 0.01  # m; largest difference of a recomputed number from the printed one; the print has two decimals
+MISSING = float("nan")
 ROOM_NAMES = {"rmse": "RMSE", "small": "share under 0.02 m"}
 
 
@@ -25,7 +25,7 @@ class Row:
     Parameters
     ----------
     where : str
-        In the letter.
+        Place in the letter.
     quantity, unit : str
     printed : float
     recomputed : float
@@ -38,9 +38,9 @@ class Row:
     quantity: str
     unit: str
     printed: float
-    recomputed: float = NOT_THERE
-    planar: float = NOT_THERE
-    merged: float = NOT_THERE
+    recomputed: float = MISSING
+    planar: float = MISSING
+    merged: float = MISSING
 
     @property
     def label(self) -> str:
@@ -49,7 +49,7 @@ class Row:
 
 
 def rows(sensed: Sensed, by_route: Mapping[str, Mapping[str, FloatArray]], inside: Study) -> list[Row]:
-    """Every number of the letter's results.
+    """Collect every number of the letter's results.
 
     Parameters
     ----------
@@ -84,8 +84,8 @@ def rows(sensed: Sensed, by_route: Mapping[str, Mapping[str, FloatArray]], insid
                     where,
                     quantity,
                     "m",
-                    published.TABLE_3[column].get(name, NOT_THERE),
-                    known.get(column, {}).get(statistic, NOT_THERE),
+                    published.TABLE_3[column].get(name, MISSING),
+                    known.get(column, {}).get(statistic, MISSING),
                     methods[PLANAR][statistic],
                     methods[MERGED][statistic],
                 )
@@ -96,12 +96,12 @@ def rows(sensed: Sensed, by_route: Mapping[str, Mapping[str, FloatArray]], insid
 
 
 def parity(page: Page, table: Sequence[Row]) -> None:
-    """Say on the page how the letter's numbers stand beside ours."""
+    """Write the table of the letter's numbers beside ours."""
     page.add(
         "## Parity",
-        "Every number of the letter's results: as printed; recomputed from data that the letter prints; by the "
-        "letter's planar method and by our merged walls from the same captures of the twin. The sections below show "
-        "by experiments what makes the columns differ.",
+        "Each number of the letter's results: as printed; recomputed from data that the letter prints; by the letter's "
+        "planar method and by our merged walls, both from the same simulated captures. Experiments in the sections "
+        "below show why the columns differ.",
     )
     page.table(
         ["in the letter", "quantity", "printed", "from its printed data", "its method here", "ours, merged"],
@@ -111,13 +111,13 @@ def parity(page: Page, table: Sequence[Row]) -> None:
     apart = [abs(one.recomputed - one.printed) for one in tabulated if np.isfinite(one.recomputed + one.printed)]
     page.add(
         f"{len(apart)} numbers of the letter's table can be recomputed from printed data; the largest difference is "
-        f"{max(apart):.4f} m (wanted: at most {BAR} m, {'holds' if max(apart) <= BAR else '**missed**'}). The corridor "
-        "is printed to a decimetre."
+        f"{max(apart):.4f} m (target: at most {TARGET} m, {'holds' if max(apart) <= TARGET else '**missed**'}). The "
+        "width of the corridor is printed to a decimetre."
     )
 
 
 def as_csv(table: Sequence[Row]) -> str:
-    """Table of rows as CSV, blank where a number does not exist."""
+    """Return the rows as CSV, blank where a number does not exist."""
     names = ("printed", "recomputed", "planar_method", "merged")
     lines = [
         ",".join(

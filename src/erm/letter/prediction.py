@@ -1,4 +1,4 @@
-"""Why a map: the channel along a route that nobody measured, predicted from maps of more and more positions."""
+"""Prediction of the channel along a route that was not measured, from maps of more and more positions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,12 +19,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
 COUNTS = (3, 4, 5, 7, 9, 13, 25)
-ASIDE = (5.0, 0.0, 0.0)  # m, from the measured route to the new one
+SHIFT = (5.0, 0.0, 0.0)  # m, from the measured route to the new one. Chosen; not derived
 MAX_ORDER = 2
-DELAY_GATE, AZIMUTH_GATE = 1e-9, 3.0  # s, degree; nearer than this a predicted path is the true one
-STEP, ON_FACE = 0.1, 0.3  # m; between the points by which a wall is cut, and from these to a face
-LOW = 2.0  # m; a face that begins higher leaves an opening under it
-LEAST = 1e-3  # of the true power; where less is predicted the error of the level is 30 dB
+DELAY_GATE, AZIMUTH_GATE = 1e-9, 3.0  # s, degree; a predicted path nearer than this is the true one
+CUT_STEP, ON_FACE = (
+    0.1,
+    0.3,
+)  # m; spacing of the points at which a wall is tested, and their distance from a face. Chosen
+MAX_BASE = 2.0  # m; a face that begins higher leaves an opening under it. Chosen; not derived
+MIN_POWER = 1e-3  # of the true power; limits the error of the level to 30 dB
 
 
 @dataclass(frozen=True)
@@ -34,15 +37,15 @@ class Prediction:
     Parameters
     ----------
     walls : int
-        In the map.
+        Number of reflectors of the map.
     power : float
-        Share of the power of the true reflected paths that predicted ones carry.
+        Share of the power of the true reflected paths that is predicted.
     false : float
         Power of predicted reflected paths that do not exist, over that of the true ones.
     false_cut : float
-        The same after the map's walls were cut back to where a face stands on the ground in truth.
+        The same with the map's walls cut back to where a face truly stands on the ground.
     level : float
-        Root mean square error over the route of all reflected power together [dB].
+        RMS error over the route of the sum of the reflected power [dB].
     """
 
     walls: int
@@ -54,27 +57,27 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Predicted:
-    """What maps of so many positions predict.
+    """Predictions of maps with the same number of positions.
 
     Parameters
     ----------
     positions : int
-        That each map was made of.
+        Number of positions of each map.
     replicates : tuple of Prediction
-        Of maps of different positions; a single one where all there are were used.
+        One for each choice of positions; a single one if all positions are used.
     """
 
     positions: int
     replicates: tuple[Prediction, ...]
 
     def of(self, field: str) -> FloatArray:
-        """A field (replicate,) of the predictions."""
+        """Return a field (replicate,) of the predictions."""
         return columns([self.replicates], field)[0]
 
 
-def beside(campaign: Campaign, aside: Sequence[float] = ASIDE) -> Campaign:
-    """The campaign along its route moved aside [m]."""
-    moved = [type(link)(link.name, link.tx, _shifted(link.rx, aside)) for link in campaign.links]
+def beside(campaign: Campaign, shift: Sequence[float] = SHIFT) -> Campaign:
+    """Return the campaign along its route shifted by ``shift`` [m]."""
+    moved = [type(link)(link.name, link.tx, _shifted(link.rx, shift)) for link in campaign.links]
     return campaign.at(moved)
 
 
@@ -88,13 +91,13 @@ def predict(
     table : xarray.Dataset
         MPCs of all positions of ``measured``.
     measured : Campaign
-        Along a route, in its order.
+        Measured positions in their order along a route.
     route : Campaign
-        To be predicted, in the same environment.
+        Route to predict, in the same environment.
     counts : sequence of int
-        Positions that the maps are made of.
+        Numbers of positions of the maps.
     replicates : int
-        Maps of each count, each of other positions.
+        Number of maps for each count, each of other positions.
     """
     truth = reflected(route.environment, route)
     found = []
@@ -103,46 +106,48 @@ def predict(
         for chosen in choices(len(measured.links), count, replicates):
             names = [measured.links[i].name for i in chosen]
             part = table.isel(mpc=np.flatnonzero(np.isin(table["position"].values, names)))
-            made.append(judge(reconstruct(select(part))[0], route, truth=truth))
+            made.append(evaluate_prediction(reconstruct(select(part))[0], route, truth=truth))
         found.append(Predicted(min(count, len(measured.links)), tuple(made)))
     return found
 
 
-def choices(there: int, count: int, replicates: int) -> list[list[int]]:
-    """Indices of ``count`` of the positions there are, spread over all: evenly, then one at random of each stretch."""
-    if count >= there:
-        return [list(range(there))]
+def choices(available: int, count: int, replicates: int) -> list[list[int]]:
+    """Choose ``count`` of the available positions: evenly spaced first, then one at random in each stretch."""
+    if count >= available:
+        return [list(range(available))]
     rng = np.random.default_rng(count)
-    edges = np.linspace(0, there, count + 1)
-    chosen = [np.rint(np.linspace(0, there - 1, count)).astype(int).tolist()]
+    edges = np.linspace(0, available, count + 1)
+    chosen = [np.rint(np.linspace(0, available - 1, count)).astype(int).tolist()]
     while len(chosen) < replicates:
         chosen.append(np.floor(rng.uniform(edges[:-1], edges[1:])).astype(int).tolist())
     return chosen
 
 
-def judge(environment: Environment, route: Campaign, *, truth: Sequence[FloatArray] | None = None) -> Prediction:
-    """Judge a map by what it predicts along a route.
+def evaluate_prediction(
+    environment: Environment, route: Campaign, *, truth: Sequence[FloatArray] | None = None
+) -> Prediction:
+    """Compare the paths that a map predicts along a route with the true ones.
 
     Parameters
     ----------
     truth : sequence of array (path, 3), optional
-        From `reflected` for the route's own environment, where it is known already.
+        Result of `reflected` for the true environment, if it is known already.
     """
     truth = reflected(route.environment, route) if truth is None else truth
-    there, hit, false, level = _scores(truth, reflected(environment, route))
+    true, hit, false, level = _scores(truth, reflected(environment, route))
     *_, false_cut, _ = _scores(truth, reflected(cut_back(environment, standing(route.environment)), route))
-    error = 10 * np.log10(np.maximum(level / there, LEAST))
+    error = 10 * np.log10(np.maximum(level / true, MIN_POWER))
     return Prediction(
         walls=environment.reflectors.sizes["reflector"],
-        power=float(np.mean(hit / there)),
-        false=float(np.mean(false / there)),
-        false_cut=float(np.mean(false_cut / there)),
+        power=float(np.mean(hit / true)),
+        false=float(np.mean(false / true)),
+        false_cut=float(np.mean(false_cut / true)),
         level=float(np.sqrt(np.mean(error**2))),
     )
 
 
 def cut_back(environment: Environment, faces: FloatArray) -> Environment:
-    """A map whose walls stand only along known faces (segment, 2 ends, 2) [m]; poles stay."""
+    """Cut the walls of a map back to known faces (segment, 2 ends, 2) [m]. Poles stay."""
     table = environment.reflectors
     rows, ends = [], []
     for row, (kind, (start, stop)) in enumerate(zip(table["kind"].values, table["end_points"].values, strict=True)):
@@ -150,7 +155,7 @@ def cut_back(environment: Environment, faces: FloatArray) -> Environment:
             rows.append(row)
             ends.append((start, stop))
             continue
-        share = np.linspace(0, 1, max(int(np.linalg.norm(stop - start) / STEP), 1) + 1)
+        share = np.linspace(0, 1, max(int(np.linalg.norm(stop - start) / CUT_STEP), 1) + 1)
         points = start + share[:, None] * (stop - start)
         real = np.flatnonzero(point_errors(points, faces).distance < ON_FACE)
         for run in np.split(real, np.flatnonzero(np.diff(real) > 1) + 1):
@@ -163,13 +168,13 @@ def cut_back(environment: Environment, faces: FloatArray) -> Environment:
 
 
 def standing(environment: Environment) -> FloatArray:
-    """Faces (segment, 2 ends, 2) that reach down to the height of streets; what hangs over a passage is none [m]."""
+    """Faces (segment, 2 ends, 2) that reach down to street level [m]; a face above a passage does not."""
     table = environment.reflectors
-    return table["end_points"].values[(table["kind"].values == "wall") & (table["base"].values < LOW)]
+    return table["end_points"].values[(table["kind"].values == "wall") & (table["base"].values < MAX_BASE)]
 
 
 def _scores(truth: Sequence[FloatArray], predicted: Sequence[FloatArray]) -> FloatArray:
-    """`_score` (4, position) of every position that has a reflected path in truth."""
+    """`_score` (4, position) of the positions that truly have a reflected path."""
     return np.array([_score(true, of) for true, of in zip(truth, predicted, strict=True) if len(true)]).T
 
 
@@ -185,7 +190,7 @@ def reflected(environment: Environment, route: Campaign) -> list[FloatArray]:
 
 
 def _score(true: FloatArray, predicted: FloatArray) -> tuple[float, float, float, float]:
-    """Power of the true paths, of those that are predicted, of predicted ones that are not, and of all predicted."""
+    """Power of the true paths, of the predicted true ones, of the false predicted ones, and of all predicted ones."""
     late = (true[:, None, 0] - predicted[:, 0]) / DELAY_GATE
     turned = angle_difference(true[:, None, 1], predicted[:, 1]) / AZIMUTH_GATE
     near = late**2 + turned**2 < 1
@@ -194,6 +199,6 @@ def _score(true: FloatArray, predicted: FloatArray) -> tuple[float, float, float
     return float(true[:, 2].sum()), float(hit), float(false), float(predicted[:, 2].sum())
 
 
-def _shifted(place: Sequence[float], aside: Sequence[float]) -> tuple[float, float, float]:
-    east, north, up = (float(a + b) for a, b in zip(place, aside, strict=True))
+def _shifted(place: Sequence[float], shift: Sequence[float]) -> tuple[float, float, float]:
+    east, north, up = (float(a + b) for a, b in zip(place, shift, strict=True))
     return east, north, up

@@ -1,18 +1,18 @@
 """The letter's published reflection points, and its Table 3 computed from them.
 
 Chang et al., "Environment Reconstruction with Multi-targets Reflectors-merged Sensing Method Based on THz
-Single-sided Channel Characteristics". Its frame has the transmitter at the origin, x east and y **south**; the
-numbers here stand as printed, `east_north` turns them into this software's frame.
+Single-sided Channel Characteristics". Its frame has the transmitter at the origin, x east and y **south**. The
+numbers here are as printed; `east_north` converts them to this software's frame.
 
-How the print must be read for its own numbers to come out:
+The printed formulas reproduce the printed numbers only with these corrections:
 
 - the face is ``L(x) = a x + b``; the letter prints ``a_L x + a_L``;
 - ``D_Error = |y - a x - b| / sqrt(1 + a**2)``; the letter prints a plus sign, ``b_a`` and no root;
 - what Table 3 calls RMSE is the standard deviation: an RMSE cannot be below the mean;
 - the largest error of route 1 is 3.77 m; the letter prints 3.76.
 
-The reflection points behind the columns Canyon and Porch (routes 3 and 4), and the eastings of route 2's, are not
-printed, so these columns and a full map of route 2 cannot be reproduced.
+The reflection points of the columns Canyon and Porch (routes 3 and 4), and the eastings of route 2, are not printed.
+These columns and a full map of route 2 can therefore not be reproduced.
 """
 
 from collections.abc import Mapping
@@ -41,9 +41,9 @@ ROUTE_1_POINTS = np.array(
     ]
 )
 ROUTE_2_ORDINATES = np.array([53.94, 65.80, 65.73, 65.89, 65.90, 65.86, 65.31, 67.01])  # m
-ROUTE_2_WALLS = np.array([53.38, *[65.30] * 7])  # m, ordinate of the wall each point belongs to
+ROUTE_2_WALLS = np.array([53.38, *[65.30] * 7])  # m, ordinate of the wall of each point
 CORRIDOR_WALLS = {"sidewalk wall": 53.38, "teaching building": 50.38, "south corridor wall": 65.30}  # m
-STATISTICS = {"min": "min", "max": "max", "mean": "mean", "RMSE": "std"}  # the letter's name: what it is
+STATISTICS = {"min": "min", "max": "max", "mean": "mean", "RMSE": "std"}  # the letter's name: the true statistic
 TABLE_3: Mapping[str, Mapping[str, float]] = {
     "Route 1": {"min": 0.09, "max": 3.76, "mean": 1.62, "RMSE": 1.28},
     "Route 2": {"min": 0.01, "max": 1.71, "mean": 0.62, "RMSE": 0.45},
@@ -68,10 +68,10 @@ TABLE_2: Mapping[str, Mapping[str, float]] = {
     ),
     "Route 4": dict(zip([f"RX{i}_N" for i in range(8, 13)], [98.8, 102.0, 105.4, 108.2, 105.6], strict=True)),
 }
-"""Distance of TX and RX [m] of every position of a route."""
+"""Distance between TX and RX [m] at every position of a route."""
 COLUMN_OF_ROUTE = {"Route 1": "Route 1", "Route 2": "Route 2", "Route 3": "Porch", "Route 4": "Canyon"}
 ROOM_ERRORS = {"min": 0.0016, "max": 0.187, "mean": 0.02, "rmse": 0.03, "small": 0.85}
-"""Of the ray-tracing verification [m]; ``small`` is the share under 0.02 m, "almost"."""
+"""Errors of the ray-tracing verification [m]; ``small`` is the share under 0.02 m ("almost" 85 %)."""
 TABLE_1: Mapping[str, tuple[str, str]] = {
     "TX/RX height": ("4/2 m", "28.4/1.4 m"),
     "Centre frequency": ("300 GHz", "132 GHz"),
@@ -81,23 +81,23 @@ TABLE_1: Mapping[str, tuple[str, str]] = {
     "RX azimuth rotation": ("-", "[0°: 10: 360°)"),
     "RX elevation rotation": ("-", "[-9°: 9: 9°]"),
 }
-"""Simulation, measurement."""
+"""Set-ups of simulation and measurement."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One number of Table 3 beside what the published points give.
+    """One number of Table 3 and the same recomputed from the published points.
 
     Parameters
     ----------
     scenario : str
         Column of the table.
     statistic : str
-        What the number is.
+        Name of the statistic.
     printed : float
-        As in the letter [m]; NaN if it is not there.
+        As in the letter [m]; NaN if it is not printed.
     recomputed : float
-        From the published points [m]; NaN where these are not printed.
+        From the published points [m]; NaN if these are not printed.
     """
 
     scenario: str
@@ -107,7 +107,7 @@ class Entry:
 
 
 def east_north(points: npt.ArrayLike) -> FloatArray:
-    """Points (..., 2) of the letter's frame, y south, as east/north [m]."""
+    """Convert points (..., 2) of the letter's frame, y south, to east/north [m]."""
     return np.asarray(points, dtype=float) * [1.0, -1.0]
 
 
@@ -122,7 +122,7 @@ def errors() -> dict[str, FloatArray]:
 
 
 def table_3() -> list[Entry]:
-    """Table 3, printed and recomputed, with the true RMSE that it lacks."""
+    """Table 3, printed and recomputed, with the true RMSE in addition."""
     known = {scenario: summary(values) for scenario, values in errors().items()}
     entries = []
     for scenario, column in TABLE_3.items():
@@ -135,13 +135,13 @@ def table_3() -> list[Entry]:
 
 
 def as_csv(entries: list[Entry]) -> str:
-    """Table of entries as CSV, blank where a number does not exist."""
+    """Return the entries as CSV, blank where a number does not exist."""
     rows = [f"{e.scenario},{e.statistic},{_cell(e.printed, 2)},{_cell(e.recomputed, 4)}" for e in entries]
     return "\n".join(["scenario,statistic,printed_m,recomputed_m", *rows]) + "\n"
 
 
 def points_csv() -> str:
-    """Published reflection points and their errors as CSV, in the letter's frame and in east/north."""
+    """Return the published reflection points and their errors as CSV, in the letter's frame and in east/north."""
     by_route = errors()
     rows = [
         f"Route 1,{x:.2f},{y:.2f},{x:.2f},{-y:.2f},{error:.4f}"
@@ -155,5 +155,5 @@ def points_csv() -> str:
 
 
 def _cell(value: float, digits: int) -> str:
-    """Return the number, or nothing where there is none."""
+    """Return the number as text, blank for NaN."""
     return "" if np.isnan(value) else f"{value:.{digits}f}"

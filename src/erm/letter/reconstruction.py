@@ -1,4 +1,4 @@
-"""What the page says of the reconstruction: maps of the routes, and of the corridor from inside."""
+"""Section of the page on the reconstruction: maps of the routes, and of the corridor from inside."""
 
 from dataclasses import replace
 
@@ -13,15 +13,15 @@ from erm.letter import corridor, published, routes
 from erm.maps.outline import outline_of
 
 SHOWN = ((("Route 1", "Route 2"), "routes_1_2"), (("Route 3", "Route 4"), "routes_3_4"))
-MARKED = 62.0  # m; easting of the arrow across the corridor
+ARROW_EASTING = 62.0  # m; of the arrow across the corridor in the figure
 
 
 def reconstruction(page: Page, studied: routes.Study, inside: routes.Study) -> None:
     """Fig. 4a: maps of routes 1 and 2, and 3 and 4; and the corridor from inside."""
     page.add(
         "## Reconstruction (Fig. 4a)",
-        "Walls and poles from the captures of all positions together. The number in a name is the reflector's row in "
-        "the map's table, which counts walls and poles together.",
+        "Walls and poles from the captures of all positions together. The number in a name is the row of the reflector "
+        "in the table of the map, which holds walls and poles.",
     )
     outline = outline_of(studied.campaign.environment)
     names = reflector_names(studied.environment)
@@ -54,43 +54,43 @@ def reconstruction(page: Page, studied: routes.Study, inside: routes.Study) -> N
             f"{np.count_nonzero(accepted & of_route[r] & ~studied.on_walls)} on poles from {r.lower()}"
             for r in pair
         )
-        told = ""
+        corridor_text = ""
         if corridor.ROUTE in pair:
             north, south = (-published.CORRIDOR_WALLS[side] for side in corridor.SIDES)
-            axes.set_xlim(right=MARKED + 20)  # the arrow's label stands beside it
-            mark_width(axes, np.array([MARKED, north]), np.array([MARKED, south]), "14.9 m")
-            told = f" The corridor of the letter (arrow) in the map: {corridor.told(studied)}."
+            axes.set_xlim(right=ARROW_EASTING + 20)  # the arrow's label stands beside it
+            mark_width(axes, np.array([ARROW_EASTING, north]), np.array([ARROW_EASTING, south]), "14.9 m")
+            corridor_text = f" The corridor of the letter (arrow) on the map: {corridor.describe(studied)}."
         page.figure(
             name,
             axes,
             f"{' and '.join(pair)}: {len(used)} reflectors from {int(part.accepted.sum())} reflection points "
             f"({counts}) at {len(np.unique(part['position'].values))} positions of the RX, over the known outline. "
-            f"The reflectors are those of the map of all positions.{told}",
+            f"The reflectors are those of the map of all positions.{corridor_text}",
         )
     _corridor(page, inside, outline)
 
 
 def _corridor(page: Page, inside: routes.Study, outline: FloatArray) -> None:
-    """The experiment that shows the corridor's other wall."""
+    """Experiment that shows the other wall of the corridor."""
     seen = " and ".join(
         f"{count} of them have a single bounce off the {name}"
         for name, count in corridor.seen_by(inside.campaign).items()
     )
     page.add(
-        "The corridor's north wall looks south, away from TX1: a map of single bounces cannot hold it from there. To "
-        "show that nothing else hides it, the positions of route 2 are measured once more, with the transmitter in the "
-        f"corridor and {-corridor.CLOSER.power:g} dB less power, as it is nearer; {seen}."
+        "The corridor's north wall faces south, away from TX1. From TX1 it gives no single bounce, so it cannot be on "
+        "the map. To show that this is the only reason, the positions of route 2 are measured again with the "
+        f"transmitter in the corridor and {-corridor.CLOSER.power:g} dB less power, because it is nearer; {seen}."
     )
     axes = plot_map(inside.environment, table=inside.table, outline=outline, names=reflector_names(inside.environment))
     found = corridor.walls(inside.environment)
     if len(found) == len(corridor.SIDES):
-        north, south = (np.array([MARKED, northing]) for northing in found.values())
+        north, south = (np.array([ARROW_EASTING, northing]) for northing in found.values())
         mark_width(axes, north, south, f"{corridor.width_of(inside.environment):.2f} m")
     page.figure(
         "corridor",
         axes,
         f"The corridor from inside: {inside.environment.reflectors.sizes['reflector']} reflectors from "
         f"{int(inside.table.accepted.sum())} reflection points at {len(inside.campaign.links)} positions; "
-        f"{evaluate_walls(inside.environment, outline)['false']} of the walls stand for no face. In the map: "
-        f"{corridor.told(inside)}.",
+        f"{evaluate_walls(inside.environment, outline)['false']} of the walls are false. On the map: "
+        f"{corridor.describe(inside)}.",
     )

@@ -1,4 +1,4 @@
-"""What repeating an experiment says of its scatter: means and their standard errors."""
+"""Scatter of repeated experiments: means and their standard errors."""
 
 from collections.abc import Sequence
 
@@ -7,23 +7,23 @@ import numpy.typing as npt
 
 from erm.geometry.vertical import FloatArray
 
-CLEAR = 2.0  # standard errors; a difference of fewer is scatter
+SIGNIFICANT = 2.0  # standard errors; a smaller difference is scatter (about 95 % of a normal distribution)
 
 
 def mean(values: npt.ArrayLike) -> float:
-    """Mean of what replicates gave; of those that gave something."""
+    """Mean over the replicates that gave a number."""
     known = _known(values)
     return float(known.mean()) if known.size else float("nan")
 
 
 def standard_error(values: npt.ArrayLike) -> float:
-    """Standard error of the mean, ``s / sqrt(n)``; NaN of fewer than two values."""
+    """Standard error of the mean, ``s / sqrt(n)``; NaN for fewer than two values."""
     known = _known(values)
     return float(known.std(ddof=1) / np.sqrt(known.size)) if known.size > 1 else float("nan")
 
 
 def with_error(values: npt.ArrayLike, *, percent: bool = False) -> str:
-    """Mean and standard error in words, to two digits of the error's order."""
+    """Write the mean with two digits and its standard error with one."""
     middle, error = mean(values), standard_error(values)
     if not np.isfinite(middle):
         return "–"
@@ -35,19 +35,19 @@ def with_error(values: npt.ArrayLike, *, percent: bool = False) -> str:
 def difference(later: npt.ArrayLike, former: npt.ArrayLike) -> tuple[float, float]:
     """Mean difference of paired replicates and its standard error.
 
-    The replicates of two settings stand at the same places, so that what the places do to both falls out.
+    The replicates of two settings have the same positions, so that effects of the positions cancel.
     """
     apart = np.asarray(later, dtype=float) - np.asarray(former, dtype=float)
     return mean(apart), standard_error(apart)
 
 
-def is_clear(step: tuple[float, float]) -> bool:
-    """Whether a difference exceeds `CLEAR` of its standard errors."""
-    return bool(abs(step[0]) > CLEAR * step[1])
+def is_significant(step: tuple[float, float]) -> bool:
+    """Whether a difference exceeds `SIGNIFICANT` of its standard errors."""
+    return bool(abs(step[0]) > SIGNIFICANT * step[1])
 
 
 def columns(rows: Sequence[Sequence[object]], field: str) -> FloatArray:
-    """One field (value, replicate) of outcomes in rows of replicates."""
+    """Return one field (value, replicate) of outcomes in rows of replicates."""
     return np.array([[getattr(one, field) for one in row] for row in rows], dtype=float)
 
 

@@ -1,9 +1,9 @@
 """The letter's ray-tracing verification: an L-shaped room, sensed from its rays and from captures.
 
-The letter's RP error is the distance in plan between the sensed point and the ray's own. Its receiver is
-omnidirectional and knows the rays' azimuths from the ray tracer; captures hold azimuths only if an antenna turns, so
-the captures here are those of a rotating horn. From rays three things are switched: the delay's resolution, 1/B; the
-planar reading, which takes the slant length for the horizontal one; and rays of higher order, no single bounces.
+The letter's RP error is the horizontal distance between the sensed point and the ray's true point. Its receiver is
+omnidirectional and takes the azimuths from the ray tracer. Captures contain azimuths only if an antenna turns, so the
+captures here are those of a rotating horn. Three approximations are switched with rays: delays with the resolution 1/B;
+the planar equations, which use the slant length as the horizontal length; and rays of higher order.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,10 +17,10 @@ import numpy.typing as npt
 from erm.common.constants import c
 from erm.evaluation.outline import summary
 from erm.geometry.vertical import FloatArray, reflection_point
-from erm.letter.ablation import parts
+from erm.letter.ablation import split_by_cause
 from erm.letter.captures import Campaign, Captures, Change
 from erm.letter.methods import MERGED, PLANAR, SINGLE
-from erm.letter.truth import NO_PATH, as_table, behind, is_single_wall_bounce, rays_of
+from erm.letter.truth import NO_PATH, as_table, is_single_wall_bounce, rays_of, true_ray
 from erm.mpcs.reasons import count_reasons
 from erm.mpcs.selection import select
 from erm.mpcs.table import path_length
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from erm.maps.environment import Environment
 
 SCENE = "lroom"
-SMALL = 0.02  # m; the letter gives the share of errors under it
-BANDWIDTH = 1.2e9  # Hz, of the letter
+SMALL = 0.02  # m; the letter gives the share of smaller errors
+BANDWIDTH = 1.2e9  # Hz; of the letter
 HIGHER = 2  # bounces of the rays of higher order
-MARGIN = 2.0  # dB over the loss of a wall at normal incidence, for errors of the gain
+MARGIN = 2.0  # dB over the loss of a wall at normal incidence, for errors of the gain. Chosen; not derived
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Row:
     ----------
     label : str
     error : array (point,)
-        Distance in plan between the sensed point and the true one [m].
+        Horizontal distance between the sensed point and the true one [m].
     """
 
     label: str
@@ -75,21 +75,21 @@ class Sensed:
     Parameters
     ----------
     rows : tuple of Row
-        Planar reading, each MPC by itself, merged walls: the same MPCs.
+        Planar equations, single MPCs, merged walls: the same MPCs.
     environment : Environment
         Reconstructed.
     table : xarray.Dataset
-        From `erm.reconstruction.reconstruct`, the components whose errors the rows hold.
+        Result of `erm.reconstruct`: the components of the rows.
     mpcs, accepted, false : int
-        Components that were measured; such as make the map; of these, such as are no single bounces off a wall.
-    there, measured : int
-        Single bounces off walls, and of these such as were measured.
-    of_known, of_honest, of_exact : int
-        Components that make the map with one thing taken away (`erm.letter.ablation`).
-    left : dict of str to int
-        Why the search left measured single bounces, and how many.
+        Measured components; components on the map; components on the map that are not single bounces off a wall.
+    available, measured : int
+        Single bounces off walls, and how many of them were measured.
+    of_explained, of_corrected, of_exact : int
+        Components on the map with one cause of errors removed (`erm.letter.ablation`).
+    rejected : dict of str to int
+        Number of measured single bounces that are not on the map, by reason.
     excess : dict of str to float
-        RMS errors over the standard deviations that the table gives, as in `erm.letter.ablation.Parts`.
+        RMS errors over the standard deviations of the table, as in `erm.letter.ablation.Parts`.
     snr : float
         Median [dB].
     """
@@ -100,20 +100,20 @@ class Sensed:
     mpcs: int
     accepted: int
     false: int
-    there: int
+    available: int
     measured: int
-    of_known: int
-    of_honest: int
+    of_explained: int
+    of_corrected: int
     of_exact: int
-    left: dict[str, int]
+    rejected: dict[str, int]
     excess: dict[str, float]
     snr: float
 
 
 def largest_loss(campaign: Campaign) -> float:
-    """Loss of a single bounce off the room's plaster at normal incidence, where it is largest, with a margin [dB].
+    """Loss of a single bounce off the room's plaster at normal incidence, with a margin [dB].
 
-    Fresnel's coefficient times the roughness factor; of grazing incidence neither keeps less.
+    It is the product of Fresnel's coefficient and the roughness factor. Normal incidence has the largest loss.
     """
     losses = []
     for material in campaign.environment.materials.values():
@@ -125,18 +125,18 @@ def largest_loss(campaign: Campaign) -> float:
 
 
 def switches(campaign: Campaign) -> list[Switched]:
-    """Errors of reflection points sensed from the rays themselves, for every setting of the three switches.
+    """Errors of reflection points sensed from rays, for every setting of the three switches.
 
-    Rays of higher order are those that the letter's selection lets through: the strongest of its cluster, with no more
-    loss than a single bounce may have.
+    The rays of higher order are those that the letter's selection accepts: the strongest of its cluster, with no more
+    loss than a single bounce can have.
     """
     rays = rays_of(campaign.to_order(HIGHER))
     table = as_table(campaign, rays)
     single = is_single_wall_bounce(campaign, rays)
-    let_through = select(table, threshold="fixed", max_reflection_loss=largest_loss(campaign))["accepted"].values
+    accepted = select(table, threshold="fixed", max_reflection_loss=largest_loss(campaign))["accepted"].values
     settings = []
     for resolution, planar, higher in product((False, True), repeat=3):
-        chosen = let_through if higher else single
+        chosen = accepted if higher else single
         error = _ray_errors(
             table.isel(mpc=chosen), rays.vertex[chosen], rate=BANDWIDTH if resolution else None, planar=planar
         )
@@ -165,12 +165,12 @@ def sense(
     *,
     progress: Callable[[], None] | None = None,
 ) -> Sensed:
-    """Measure the room, reconstruct it, and compare the reflection points with the rays'."""
+    """Measure and reconstruct the room, and compare the reflection points with those of the rays."""
     measured = captures.measure(campaign, change, progress=progress)
-    environment, merged = _mapped(measured.mpcs, campaign)
+    environment, merged = _reconstructed(measured.mpcs, campaign)
     accepted = merged.isel(mpc=np.flatnonzero(merged["accepted"].values))
     rays = rays_of(campaign)
-    ray = behind(accepted, campaign, rays)
+    ray = true_ray(accepted, campaign, rays)
     single = (ray != NO_PATH) & is_single_wall_bounce(campaign, rays)[ray]
     kept, truth = accepted.isel(mpc=np.flatnonzero(single)), rays.vertex[ray[single], :2]
     planar, _ = reflection_point(*_ends(kept), path_length(kept), kept["azimuth"].values, planar=True)
@@ -180,11 +180,13 @@ def sense(
         MERGED: kept["wall_point"].values[:, :2],
     }
     rows = tuple(Row(name, np.linalg.norm(value - truth, axis=1)) for name, value in points.items())
-    taken = parts(measured.mpcs, campaign)
-    behind_all = behind(merged, campaign, rays)
-    singles = (behind_all != NO_PATH) & is_single_wall_bounce(campaign, rays)[behind_all]
-    left = count_reasons(merged["reason"].values[singles & ~merged["accepted"].values].tolist())
-    searched = {name: _mapped(getattr(taken, name), campaign)[1] for name in ("known", "honest", "exact")}
+    causes = split_by_cause(measured.mpcs, campaign)
+    ray_of_all = true_ray(merged, campaign, rays)
+    singles = (ray_of_all != NO_PATH) & is_single_wall_bounce(campaign, rays)[ray_of_all]
+    rejected = count_reasons(merged["reason"].values[singles & ~merged["accepted"].values].tolist())
+    searched = {
+        name: _reconstructed(getattr(causes, name), campaign)[1] for name in ("explained", "corrected", "exact")
+    }
     return Sensed(
         rows=rows,
         environment=environment,
@@ -192,28 +194,28 @@ def sense(
         mpcs=measured.mpcs.sizes["mpc"],
         accepted=accepted.sizes["mpc"],
         false=int(np.count_nonzero(~single)),
-        there=taken.there,
-        measured=taken.measured,
+        available=causes.available,
+        measured=causes.measured,
         **{f"of_{name}": int(table["accepted"].sum()) for name, table in searched.items()},
-        left={reason.text: count for reason, count in left.items()},
-        excess=taken.excess,
+        rejected={reason.text: count for reason, count in rejected.items()},
+        excess=causes.excess,
         snr=measured.median_snr,
     )
 
 
-def _mapped(table: "xr.Dataset", campaign: Campaign) -> tuple["Environment", "xr.Dataset"]:
+def _reconstructed(table: "xr.Dataset", campaign: Campaign) -> tuple["Environment", "xr.Dataset"]:
     return reconstruct(select(table, max_reflection_loss=largest_loss(campaign)))
 
 
 def placements(campaign: Campaign) -> dict[str, list[Row]]:
-    """Errors from first-order rays with the transmitter at each receiver's place in turn, by what is switched on.
+    """Errors from first-order rays with the transmitter at the place of each receiver in turn, by approximation.
 
-    Where the letter's antennas stood is not printed; this tells how much of its numbers is their choice.
+    The places of the letter's antennas are not printed. This shows how much its numbers depend on them.
 
     Returns
     -------
     dict of str to list of Row
-        ``resolution``, ``planar``; a row a place.
+        ``resolution``, ``planar``; a row for each place.
     """
     height = campaign.links[0].tx[2]
     found: dict[str, list[Row]] = {"resolution": [], "planar": []}
@@ -229,7 +231,7 @@ def placements(campaign: Campaign) -> dict[str, list[Row]]:
 
 
 def _ray_errors(table: "xr.Dataset", vertex: FloatArray, *, rate: float | None, planar: bool) -> FloatArray:
-    """Distances in plan of sensed points from the rays' (ray, xyz) [m], where there is a face."""
+    """Horizontal distances of sensed points from those of the rays (ray, xyz) [m], where a point exists."""
     delay = table["delay"].values
     if rate is not None:
         delay = np.rint(delay * rate) / rate

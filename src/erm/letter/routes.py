@@ -1,4 +1,4 @@
-"""The letter's four routes from captures: maps, and the errors of its reflection points by its method and by ours."""
+"""The letter's four routes from captures: maps, and errors of reflection points by its method and by ours."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ import numpy.typing as npt
 from erm.common.constants import c
 from erm.evaluation.outline import point_errors, summary
 from erm.geometry.vertical import FloatArray, reflection_point, unit
-from erm.letter.captures import AS_IT_IS, Campaign, Captures, Change
+from erm.letter.captures import UNCHANGED, Campaign, Captures, Change
 from erm.letter.methods import MERGED, PLANAR, SINGLE
 from erm.letter.published import TABLE_2
-from erm.letter.truth import NO_PATH, IntArray, behind, is_single_wall_bounce, rays_of
+from erm.letter.truth import NO_PATH, IntArray, is_single_wall_bounce, rays_of, true_ray
 from erm.maps.environment import Environment
 from erm.maps.outline import outline_of
 from erm.mpcs.selection import select
@@ -25,29 +25,29 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SCENE = "uma"
-STEP, RATE = 10.0, 1.2e9  # degree, Hz; of the letter's scan and samples
+AZIMUTH_STEP, SAMPLE_RATE = 10.0, 1.2e9  # degree, Hz; of the letter's scan and samples
 
 
 @dataclass(frozen=True)
 class Study:
-    """A campaign from captures to its map.
+    """Measurements and map of a campaign.
 
     Parameters
     ----------
     campaign : Campaign
     mpcs : xarray.Dataset
-        What was measured, as an MPC table.
+        MPC table of the measurements.
     daps : mapping of str to xarray.Dataset
         By position.
     environment : Environment
-        Reconstructed from all positions together.
+        Map from all positions together.
     table : xarray.Dataset
-        From `erm.reconstruction.reconstruct`.
+        Table that `erm.reconstruct` returns.
     face : array (mpc,)
-        Reflector of the true environment that each component bounced off; -1 for all that are no single bounces off a
-        wall.
+        Reflector of the true environment off which each component bounced; -1 for components that are not single
+        bounces off a wall.
     snr : float
-        Median over the components of power over noise [dB].
+        Median SNR of the components [dB].
     """
 
     campaign: Campaign
@@ -60,20 +60,20 @@ class Study:
 
     @property
     def on_walls(self) -> npt.NDArray[np.bool_]:
-        """Components (mpc,) that the map explains as single bounces off walls."""
+        """Components (mpc,) that are on the map as single bounces off walls."""
         kind = self.environment.reflectors["kind"].values
         wall = self.table["wall"].values
         return self.table["accepted"].values & np.isin(wall, np.flatnonzero(kind == "wall"))
 
     def of(self, names: Collection[str]) -> npt.NDArray[np.bool_]:
-        """Components (mpc,) of some positions."""
+        """Components (mpc,) of the positions ``names``."""
         return np.isin(self.table["position"].values, list(names))
 
 
 def study(
     campaign: Campaign,
     captures: Captures,
-    change: Change = AS_IT_IS,
+    change: Change = UNCHANGED,
     *,
     progress: Callable[[], None] | None = None,
 ) -> Study:
@@ -81,7 +81,7 @@ def study(
     measured = captures.measure(campaign, change, progress=progress)
     environment, table = reconstruct(select(measured.mpcs))
     rays = rays_of(campaign)
-    ray = behind(table, campaign, rays)
+    ray = true_ray(table, campaign, rays)
     single = (ray != NO_PATH) & is_single_wall_bounce(campaign, rays)[ray]
     face = np.where(single, rays.reflector[ray], -1)
     return Study(campaign, measured.mpcs, measured.daps, environment, table, face, measured.median_snr)
@@ -90,8 +90,8 @@ def study(
 def perpendicular_errors(studied: Study, chosen: npt.NDArray[np.bool_]) -> dict[str, FloatArray]:
     """The letter's ``D_Error`` of the same components by three methods.
 
-    The face is the one that truly reflected the component, whatever lies nearer to the point that a method finds; for a
-    component that is no single bounce it is the face nearest to the merged point.
+    The face is the one that truly reflected the component, even if another is nearer to the point. For a component that
+    is not a single bounce, it is the face nearest to the merged point.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def perpendicular_errors(studied: Study, chosen: npt.NDArray[np.bool_]) -> dict[
     Returns
     -------
     dict of str to array (point,)
-        [m] by `PLANAR`, `SINGLE`, `MERGED`.
+        Errors [m] by `PLANAR`, `SINGLE`, `MERGED`.
     """
     kept = studied.table.isel(mpc=np.flatnonzero(chosen))
     path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
@@ -122,7 +122,7 @@ def across(studied: Study, chosen: npt.NDArray[np.bool_], points: FloatArray) ->
     ----------
     chosen : array (mpc,) of bool
     points : array (..., point, 2)
-        One a chosen component [m].
+        One for each chosen component [m].
     """
     rows = np.flatnonzero(chosen)
     truth = studied.campaign.environment
@@ -137,16 +137,16 @@ def across(studied: Study, chosen: npt.NDArray[np.bool_], points: FloatArray) ->
 
 @dataclass(frozen=True)
 class Limited:
-    """Errors of every route with the letter's limits switched on or off, for the same components.
+    """Errors of every route with each limit of the letter's method on or off, for the same components.
 
     Parameters
     ----------
     planar : bool
-        Whether the slant length is taken for the horizontal one.
+        Whether the slant length is used as the horizontal one.
     azimuths, delays : bool
         Whether azimuths are those of the scan's beams, and delays those of the samples.
     error : dict of str to array (point,)
-        By route [m].
+        Errors by route [m].
     """
 
     planar: bool
@@ -155,15 +155,15 @@ class Limited:
     error: dict[str, FloatArray]
 
 
-def limits(studied: Study, *, step: float = STEP, rate: float = RATE) -> list[Limited]:
-    """The letter's ``D_Error`` of the components that make walls, with each limit of its method on and off.
+def limits(studied: Study, *, step: float = AZIMUTH_STEP, rate: float = SAMPLE_RATE) -> list[Limited]:
+    """The letter's ``D_Error`` of the components on walls, with each limit of its method on and off.
 
     Parameters
     ----------
     step : float
-        Between two beams of the scan [degree].
+        Azimuth step of the scan [degree].
     rate : float
-        Of the samples [Hz].
+        Sample rate [Hz].
     """
     found = []
     for planar, azimuths, delays in product((False, True), repeat=3):
@@ -185,7 +185,7 @@ def limits(studied: Study, *, step: float = STEP, rate: float = RATE) -> list[Li
 
 
 def errors_by_route(studied: Study) -> dict[str, dict[str, FloatArray]]:
-    """`perpendicular_errors` of the components of each route that make its walls [m]."""
+    """`perpendicular_errors` of the components on walls, by route [m]."""
     return {
         route: perpendicular_errors(studied, studied.on_walls & studied.of(list(positions)))
         for route, positions in TABLE_2.items()
@@ -193,7 +193,7 @@ def errors_by_route(studied: Study) -> dict[str, dict[str, FloatArray]]:
 
 
 def false_by_route(studied: Study) -> dict[str, int]:
-    """Number of components that make walls although they are no single bounces off one."""
+    """Number of components on walls that are not single bounces off a wall, by route."""
     return {
         route: int(np.count_nonzero(studied.on_walls & studied.of(list(positions)) & (studied.face < 0)))
         for route, positions in TABLE_2.items()
@@ -201,12 +201,12 @@ def false_by_route(studied: Study) -> dict[str, int]:
 
 
 def letter_selection(studied: Study) -> dict[str, FloatArray]:
-    """Distance to the nearest face of what the letter's own selection (Eq. 4) and equations make of each route [m].
+    """Distance to the nearest face of the points by the letter's own selection (Eq. 4) and equations [m].
 
     Returns
     -------
     dict of str to array (point,)
-        Of every component that Eq. 4 lets through, single bounce or not.
+        By route, of all components that Eq. 4 accepts, single bounces or not.
     """
     chosen = select(studied.mpcs, threshold="letter")
     kept = chosen.isel(mpc=np.flatnonzero(chosen["accepted"].values))
@@ -217,8 +217,8 @@ def letter_selection(studied: Study) -> dict[str, FloatArray]:
     return {route: distance[np.isin(position, list(positions))] for route, positions in TABLE_2.items()}
 
 
-def bars(errors: Mapping[str, Mapping[str, FloatArray]]) -> dict[str, tuple[float, float]]:
-    """For each route the merged RMSE [m], and how many times the letter's method exceeds it."""
+def improvements(errors: Mapping[str, Mapping[str, FloatArray]]) -> dict[str, tuple[float, float]]:
+    """For each route the merged RMSE [m], and the RMSE of the letter's method over it."""
     rmse = {
         route: {method: summary(values)["rmse"] for method, values in methods.items()}
         for route, methods in errors.items()

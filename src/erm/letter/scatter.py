@@ -1,10 +1,9 @@
-"""Which scatter of the path length makes the letter's errors, once heights are taken into account.
+"""Scatter of the path length that explains the letter's errors when heights are taken into account.
 
-The planar reading moves all points of a face the same way. Errors that are printed on both sides of a face, or too
-small for it, must come from something else; here, from lengths that are off by a normal error. Its size is chosen such
-that the RMSE comes out; mean and standard deviation then follow, and can be compared with what is printed. Where they
-differ, a bias of the lengths that all paths of the route share is fitted beside it, to the mean and the standard
-deviation.
+The planar equations move all points of a face in the same direction. They cannot explain printed errors on both sides
+of a face, or smaller errors. Here these are modelled by a normal error of the path length. Its standard deviation is
+fitted to the RMSE; mean and standard deviation of the error follow and can be compared with the printed ones. Where
+these differ, a bias that all paths of the route share is fitted as well, to the mean and the standard deviation.
 """
 
 from dataclasses import dataclass
@@ -27,31 +26,31 @@ from erm.letter.published import (
 )
 from erm.letter.routes import Study, across
 
-DRAWS, SEED = 200, 3
-STEPS = 30  # halvings of the interval that holds the size
-WIDEST = 20.0  # m
+DRAWS, SEED = 200, 3  # draws for each component. Chosen; not derived
+BISECTIONS = 30  # of the interval of the standard deviation; 20 m / 2**30 is 0.02 um
+MAX_LENGTH_ERROR = 20.0  # m; upper bound of the fit, far over the printed errors
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """What lengths with a normal error make of a route.
+    """Errors of a route by a normal error of the path length.
 
     Parameters
     ----------
     route : str
     rmse : float
-        Of the letter: root of the sum of squares of the printed mean and standard deviation [m].
+        RMSE of the letter: root of the sum of squares of the printed mean and standard deviation [m].
     length_std : float
-        Of the lengths, that gives this RMSE [m].
+        Standard deviation of the length that gives this RMSE [m].
     mean, std : float
-        Of the errors that follow [m].
+        Mean and standard deviation of the errors that follow [m].
     planar : float
-        Mean with its sign, positive behind the face, by the planar reading of the components as they are [m].
+        Signed mean error by the planar equations, positive behind the face [m].
     bias, beside : float
-        Of the lengths: what all share, and the standard deviation about it, that give the printed mean and standard
-        deviation most nearly [m].
+        Shared bias of the lengths and standard deviation about it, fitted to the printed mean and standard deviation
+        of the errors [m].
     biased_mean, biased_std : float
-        Of the errors that follow from these [m].
+        Mean and standard deviation of the errors that follow from these [m].
     """
 
     route: str
@@ -67,7 +66,7 @@ class Scatter:
 
 
 def scatter(studied: Study) -> list[Scatter]:
-    """Fit the error of the path length to each route's RMSE, on the components that make its walls."""
+    """Fit the error of the path length to the RMSE of each route, on the components on walls."""
     found = []
     for route, column in COLUMN_OF_ROUTE.items():
         printed = TABLE_3[column]
@@ -76,8 +75,8 @@ def scatter(studied: Study) -> list[Scatter]:
         if not chosen.any():
             continue
         normal = np.random.default_rng(SEED).standard_normal((DRAWS, np.count_nonzero(chosen)))
-        low, high = 0.0, WIDEST
-        for _ in range(STEPS):
+        low, high = 0.0, MAX_LENGTH_ERROR
+        for _ in range(BISECTIONS):
             middle = (low + high) / 2
             low, high = (middle, high) if _errors(studied, chosen, middle * normal)["rmse"] < rmse else (low, middle)
         made = _errors(studied, chosen, high * normal)
@@ -90,7 +89,7 @@ def scatter(studied: Study) -> list[Scatter]:
 def _with_bias(
     studied: Study, chosen: npt.NDArray[np.bool_], normal: FloatArray, printed: tuple[float, float]
 ) -> tuple[float, float, float, float]:
-    """Bias, standard deviation of the lengths beside it, and the mean and standard deviation that follow [m]."""
+    """Bias of the lengths, standard deviation about it, and the mean and standard deviation that follow [m]."""
 
     def made(size: FloatArray) -> FloatArray:
         errors = _errors(studied, chosen, size[0] + size[1] * normal)
@@ -99,16 +98,16 @@ def _with_bias(
     def departure(size: FloatArray) -> FloatArray:
         return made(size) - printed
 
-    fitted = least_squares(departure, printed, bounds=(0, WIDEST)).x
+    fitted = least_squares(departure, printed, bounds=(0, MAX_LENGTH_ERROR)).x
     mean, std = made(fitted)
     return float(fitted[0]), float(fitted[1]), float(mean), float(std)
 
 
 def printed_signs() -> dict[str, FloatArray]:
-    """Errors of the printed points with their signs, positive behind the face, where points are printed [m]."""
+    """Signed errors of the printed points, positive behind the face [m]."""
     slope, intercept = EAST_BUILDING_LINE
     x, y = ROUTE_1_POINTS.T
-    south = np.where(ROUTE_2_WALLS[0] == ROUTE_2_WALLS, -1.0, 1.0)  # the first is off the northern wall
+    south = np.where(ROUTE_2_WALLS[0] == ROUTE_2_WALLS, -1.0, 1.0)  # the first point is on the northern wall
     return {
         "Route 1": (y - slope * x - intercept) / np.hypot(1, slope),
         "Route 2": south * (ROUTE_2_ORDINATES - ROUTE_2_WALLS),
@@ -116,7 +115,7 @@ def printed_signs() -> dict[str, FloatArray]:
 
 
 def _errors(studied: Study, chosen: npt.NDArray[np.bool_], late: FloatArray) -> dict[str, float]:
-    """Summary of ``D_Error`` over draws of errors (draw, component) of the length [m]."""
+    """Summary of ``D_Error`` over draws of length errors (draw, component) [m]."""
     values = np.abs(across(studied, chosen, _points(studied, chosen, late)))
     return summary(values[np.isfinite(values)])
 

@@ -1,4 +1,4 @@
-"""What the page says of the letter's mapping to the environment: DAPS with sectors that are computed."""
+"""Section of the page on the letter's mapping to the environment: DAPS with computed sectors."""
 
 from typing import TYPE_CHECKING, cast
 
@@ -9,7 +9,7 @@ from erm.evaluation.explain import UNEXPLAINED, azimuth_sectors, count_reflector
 from erm.figures import plot_sectors
 from erm.letter.captures import Captures
 from erm.letter.routes import Study
-from erm.letter.truth import NO_PATH, behind, rays_of
+from erm.letter.truth import NO_PATH, rays_of, true_ray
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -25,12 +25,12 @@ def daps(page: Page, studied: Study, captures: Captures) -> None:
 
     page.add(
         "## DAPS (Fig. 3)",
-        "Sectors are computed: each MPC is given to the path through the reconstructed map that is nearest to it in "
-        "delay and azimuth, and those that the RX sees come off one reflector make its sector, which is 5° wider on "
-        "either side. W are walls and P poles; the number is the reflector's row in the map's table, below. In "
-        "brackets: how many MPCs. The direct path counts with the ground bounce under it (black). A mark stands at "
-        "every MPC; an arc without one is a sidelobe of the horn at the delay of a stronger MPC, and a mark without a "
-        "sector (a cross) is an MPC that the map does not explain. The tables say what truly was behind each.",
+        "The sectors are computed. Each MPC is assigned to the path through the reconstructed map that is nearest in "
+        "delay and azimuth. The MPCs whose last reflector is the same make its sector, 5° wider on either side. W are "
+        "walls and P poles; the number is the row of the reflector in the table of the map, below. The number of MPCs "
+        "is in brackets. The direct path counts with the ground bounce under it (black). Every MPC has a mark. An arc "
+        "without a mark is a sidelobe of the horn at the delay of a stronger MPC. A mark without a sector (a cross) is "
+        "an MPC that the map does not explain. The tables show the true number of bounces of each.",
     )
     rays = rays_of(studied.campaign)
     for route, first, second in OVERLAID:
@@ -42,10 +42,10 @@ def daps(page: Page, studied: Study, captures: Captures) -> None:
         axes = captures.draw_daps([(name, studied.daps[name]) for name in pair], _polar(figure))
         plot_sectors(arcs, axes, table=table, labels=labels)
         page.figure(f"daps_{first}_{second}", figure, _caption(route, pair, labels))
-        ray = behind(table, studied.campaign, rays)
+        ray = true_ray(table, studied.campaign, rays)
         order = np.lexsort((table["delay"].values, table["position"].values))
         page.table(
-            ["RX", "delay [ns]", "azimuth [°]", "path gain [dB]", "explained by", "bounces in truth"],
+            ["RX", "delay [ns]", "azimuth [°]", "path gain [dB]", "explained by", "true bounces"],
             [
                 [
                     str(table["position"].values[i]),
@@ -61,11 +61,11 @@ def daps(page: Page, studied: Study, captures: Captures) -> None:
 
 
 def _caption(route: str, pair: tuple[str, str], labels: "npt.NDArray[np.str_]") -> str:
-    left = int(np.count_nonzero(labels == UNEXPLAINED))
+    unexplained = int(np.count_nonzero(labels == UNEXPLAINED))
     chains = sum(count_reflectors(label) > 1 for label in labels.tolist())
     return (
         f"{route}: DAPS of {pair[0]} (blue) and {pair[1]} (orange). Of their {len(labels)} MPCs the map explains "
-        f"{len(labels) - left}, {chains} of them by more than one reflector; {left} have no sector."
+        f"{len(labels) - unexplained}, {chains} of them by more than one reflector; {unexplained} have no sector."
     )
 
 

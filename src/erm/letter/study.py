@@ -20,19 +20,19 @@ from erm.letter import (
     sweeps,
     verification,
 )
-from erm.letter.captures import Campaign, Captures, Change, Remembered
+from erm.letter.captures import Cached, Campaign, Captures, Change
 
 PAGE = "letter.md"
 
 
 def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.KNOBS) -> Path:
-    """Redo the letter's studies and write the page.
+    """Repeat the letter's studies and write the page.
 
     Parameters
     ----------
     out : Path
         Folder of the page ``letter.md``, its ``figures``, the table of all numbers ``parity.csv``, and the tables
-        that are computed from the letter's print alone (``table_3.csv``, ``reflection_points.csv``).
+        that follow from the printed points alone (``table_3.csv``, ``reflection_points.csv``).
     captures : Captures
         The instrument.
     knobs : sequence of Knob
@@ -69,12 +69,12 @@ def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.
     spatial.daps(page, studied, captures)
     reconstruction.reconstruction(page, studied, inside)
     errors.errors(page, studied, by_route)
-    _outlook(page, measurement, Remembered(captures), knobs)
+    _outlook(page, measurement, Cached(captures), knobs)
     return page.write()
 
 
 def _outlook(page: Page, campaign: Campaign, captures: Captures, knobs: Sequence[sweeps.Knob]) -> None:
-    """Sweeps and prediction."""
+    """Write the sections on sweeps and prediction."""
     with console.progress("sweeps", len(sweeps.OFFSETS) * sum(len(knob.values) for knob in knobs)) as advance:
         outlook.future_work(page, sweeps.sweep(campaign, captures, knobs, offsets=sweeps.OFFSETS, progress=advance))
     dense = sweeps.along(campaign, sweeps.DENSEST, sweeps.LINES[:1])
@@ -84,7 +84,7 @@ def _outlook(page: Page, campaign: Campaign, captures: Captures, knobs: Sequence
 
 
 def _tables(page: Page, table: Sequence[parity.Row]) -> None:
-    """Tables for other programs."""
+    """Write the tables for other programs."""
     texts = {
         "parity.csv": parity.as_csv(table),
         "table_3.csv": published.as_csv(published.table_3()),

@@ -1,8 +1,7 @@
-"""What denser positions, finer rotation, sharper beams, more bandwidth and more power bring, through captures.
+"""Effect of denser positions, finer rotation, narrower beams, more bandwidth and more power, through captures.
 
-Two straight routes of the campaign are measured again with one setting changed at a time, each several times over with
-positions that begin further along. What is judged by stays the same: the true single bounces off walls of the densest
-positions.
+Two straight routes of the campaign are measured again with one setting changed at a time, several times with shifted
+positions. The reference is always the same: the true single bounces off walls of the densest positions.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,32 +10,32 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erm.geometry.vertical import FloatArray
-from erm.letter.captures import AS_IT_IS, Campaign, Captures, Change, Link
-from erm.letter.outcome import Located, Outcome, judged, root_mean_square, true_points
-from erm.letter.replicates import columns, difference, is_clear, mean, standard_error
+from erm.letter.captures import UNCHANGED, Campaign, Captures, Change, Link
+from erm.letter.outcome import Located, Outcome, evaluate_setting, root_mean_square, true_points
+from erm.letter.replicates import columns, difference, is_significant, mean, standard_error
 from erm.letter.routes import study
 
 LINES = (("RX1_L", "RX9_L"), ("RX11_L", "RX16_L"))
 """First and last position of each straight route."""
-SPACING = 10.0  # m, of the positions where the spacing is not what changes
-DENSEST = 2.5  # m
+SPACING = 10.0  # m; between positions where another setting changes
+DENSEST = 2.5  # m; between the positions of the reference
 OFFSETS = (0.0, 6.0, 13.0)
-"""Where the positions of each replicate begin [m], modulo the spacing: closer positions hold the sparser ones."""
+"""First position of each replicate [m], modulo the spacing. Denser positions include the sparser ones. Chosen."""
 
 
 @dataclass(frozen=True)
 class Knob:
-    """A setting and its values.
+    """A setting of the instrument or the positions, and its values.
 
     Parameters
     ----------
     name, unit : str
     values : tuple of float
-        In the order of growing effort.
+        In order of growing effort.
     usual : float
-        The letter's.
+        The letter's value.
     change : callable
-        Instrument with a value; None where the positions change instead.
+        Change of the instrument for a value; None if the positions change instead.
     """
 
     name: str
@@ -58,20 +57,20 @@ KNOBS = (
 
 @dataclass(frozen=True)
 class Sweep:
-    """A knob and what its values gave.
+    """A setting and the results of its values.
 
     Parameters
     ----------
     knob : Knob
     outcomes : tuple (value) of tuple (replicate) of Outcome
-        Replicates of all values stand at the same places as far as the spacing lets them.
+        The replicates of all values have the same positions as far as the spacing allows.
     """
 
     knob: Knob
     outcomes: tuple[tuple[Outcome, ...], ...]
 
     def of(self, field: str) -> FloatArray:
-        """A field of the outcomes (value, replicate)."""
+        """Return a field of the outcomes (value, replicate)."""
         return columns(self.outcomes, field)
 
     def mean(self, field: str) -> FloatArray:
@@ -91,9 +90,9 @@ class Sweep:
 def along(
     campaign: Campaign, spacing: float, lines: Sequence[tuple[str, str]] = LINES, *, offset: float = 0.0
 ) -> Campaign:
-    """The campaign with positions every ``spacing`` [m] along lines between two of its positions each.
+    """Return the campaign with positions every ``spacing`` [m] along lines, each between two of its positions.
 
-    The first of a line stands ``offset`` modulo ``spacing`` [m] after its beginning; names tell where each stands.
+    The first position is ``offset`` modulo ``spacing`` [m] from the beginning of a line. Names contain the distance.
     """
     known = {link.name: link for link in campaign.links}
     links: list[Link] = []
@@ -114,14 +113,14 @@ def sweep(
     offsets: Sequence[float] = OFFSETS,
     progress: Callable[[], None] | None = None,
 ) -> list[Sweep]:
-    """Turn every knob through its values, the others at the letter's.
+    """Measure with every value of each setting, the others at the letter's values.
 
     Parameters
     ----------
     captures : Captures
-        Settings share positions; `erm.letter.captures.Remembered` spares measuring these again.
+        Settings share positions; `erm.letter.captures.Cached` avoids measuring these again.
     offsets : sequence of float
-        Of the replicates [m].
+        Offsets of the replicates [m].
     progress : callable, optional
         Called after each value of each replicate.
     """
@@ -133,13 +132,13 @@ def sweep(
         for value in knob.values:
             rows.append([])
             for offset in offsets:
-                spacing, change = (value, AS_IT_IS) if knob.change is None else (SPACING, knob.change(value))
+                spacing, change = (value, UNCHANGED) if knob.change is None else (SPACING, knob.change(value))
                 if value == knob.usual:
-                    spacing, change = SPACING, AS_IT_IS  # the shipped instrument itself
+                    spacing, change = SPACING, UNCHANGED  # the shipped instrument
                 setting = (spacing, offset, change)
                 if setting not in known:
                     placed = along(campaign, spacing, offset=offset)
-                    known[setting] = judged(study(placed, captures, change), reference)
+                    known[setting] = evaluate_setting(study(placed, captures, change), reference)
                 rows[-1].append(known[setting])
                 if progress is not None:
                     progress()
@@ -148,7 +147,7 @@ def sweep(
 
 
 def _with_shared(rows: Sequence[Sequence[tuple[Outcome, Located]]]) -> tuple[tuple[Outcome, ...], ...]:
-    """Outcomes (value) (replicate) with the error of the bounces that every value of a replicate measured."""
+    """Outcomes (value) (replicate) with the error of the bounces that were measured with every value."""
     shared = [set.intersection(*(set(located) for _, located in replicate)) for replicate in zip(*rows, strict=True)]
     return tuple(
         tuple(
@@ -161,15 +160,15 @@ def _with_shared(rows: Sequence[Sequence[tuple[Outcome, Located]]]) -> tuple[tup
 
 @dataclass(frozen=True)
 class Gain:
-    """What more effort than the letter's brings at best.
+    """Largest improvement of a setting beyond the letter's value.
 
     Parameters
     ----------
     knob : Knob
     value : float
-        That brings it; the letter's where nothing more brings more.
+        Value with the improvement; the letter's value if none is better.
     mean, error : float
-        Over the replicates: of completeness what is added, of errors the factor by which they shrink.
+        Over the replicates: the increase of completeness, or the factor by which an error shrinks.
     """
 
     knob: Knob
@@ -179,29 +178,29 @@ class Gain:
 
 
 def gains(sweeps: Sequence[Sweep], field: str) -> list[Gain]:
-    """By knob, most first, the best gain of a field; ``completeness`` grows, errors shrink."""
+    """Best gain of a field by setting, largest first. ``completeness`` grows, errors shrink."""
     found = []
     for one in sweeps:
         values, usual = one.of(field), one.of(field)[one.usual]
         steps = []
         for value, row in zip(one.knob.values[one.usual :], values[one.usual :], strict=True):
-            brought = row - usual if field == "completeness" else usual / row
-            steps.append(Gain(one.knob, value, mean(brought), standard_error(brought)))
+            gained = row - usual if field == "completeness" else usual / row
+            steps.append(Gain(one.knob, value, mean(gained), standard_error(gained)))
         found.append(max(steps, key=lambda step: -np.inf if np.isnan(step.mean) else step.mean))
     return sorted(found, key=lambda gain: gain.mean, reverse=True)
 
 
 @dataclass(frozen=True)
 class Setback:
-    """A step of more effort after which a map is clearly less complete.
+    """A step of more effort after which a map is significantly less complete.
 
     Parameters
     ----------
     knob : Knob
     former, later : float
-        Values of the knob.
+        Values of the setting before and after the step.
     lost : dict of str to tuple of float
-        Mean difference and standard error by field: ``completeness``, ``of_known``, ``of_honest``, ``of_exact``.
+        Mean difference and standard error by field: ``completeness``, ``of_explained``, ``of_corrected``, ``of_exact``.
     """
 
     knob: Knob
@@ -211,13 +210,13 @@ class Setback:
 
 
 def setbacks(sweeps: Sequence[Sweep]) -> list[Setback]:
-    """Steps of more effort, of all knobs, after which completeness falls by more than its scatter."""
+    """Steps of more effort, of all settings, after which completeness falls by more than its scatter."""
     found = []
-    fields = ("completeness", "of_known", "of_honest", "of_exact")
+    fields = ("completeness", "of_explained", "of_corrected", "of_exact")
     for one in sweeps:
         values = {field: one.of(field) for field in fields}
         for i in range(len(one.knob.values) - 1):
             lost = {field: difference(rows[i + 1], rows[i]) for field, rows in values.items()}
-            if lost["completeness"][0] < 0 and is_clear(lost["completeness"]):
+            if lost["completeness"][0] < 0 and is_significant(lost["completeness"]):
                 found.append(Setback(one.knob, one.knob.values[i], one.knob.values[i + 1], lost))
     return found

@@ -1,4 +1,4 @@
-"""What stood behind the components of a simulated campaign: the traced path that each came from."""
+"""The true path of each MPC of a simulated campaign."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,14 +13,14 @@ from erm.tracing.trace import trace
 if TYPE_CHECKING:
     import xarray as xr
 
-DELAY_GATE = 0.5e-9  # s; half the resolution cell of 1 GHz, over which two paths are one
+DELAY_GATE = 0.5e-9  # s; half the resolution cell of 1 GHz
 AZIMUTH_GATE = 3.0  # degree; a third of a beam
 NO_PATH = -1
 IntArray = npt.NDArray[np.int64]
 
 
 class Rays(NamedTuple):
-    """Traced paths of all links of a campaign, a row each."""
+    """Traced paths of all links of a campaign, one a row."""
 
     link: IntArray  # index into the campaign's links
     delay: FloatArray  # s
@@ -28,8 +28,8 @@ class Rays(NamedTuple):
     elevation: FloatArray  # degree
     path_gain: FloatArray  # dB
     order: IntArray  # number of bounces
-    reflector: IntArray  # that the receiver sees; negative for ground, ceiling, none
-    vertex: FloatArray  # (ray, xyz), the bounce that the receiver sees [m]
+    reflector: IntArray  # of the last bounce; negative for ground, ceiling, none
+    vertex: FloatArray  # (ray, xyz), the last bounce [m]
 
 
 def rays_of(campaign: Campaign) -> Rays:
@@ -46,7 +46,7 @@ def rays_of(campaign: Campaign) -> Rays:
 
 
 def as_table(campaign: Campaign, rays: Rays) -> "xr.Dataset":
-    """Rays as an MPC table: components without errors."""
+    """Return rays as an MPC table without errors."""
     link = [campaign.links[index] for index in rays.link]
     return make_table(
         {
@@ -62,10 +62,10 @@ def as_table(campaign: Campaign, rays: Rays) -> "xr.Dataset":
     )
 
 
-def behind(table: "xr.Dataset", campaign: Campaign, rays: Rays) -> IntArray:
-    """Index (mpc,) of the ray that each component is an estimate of, -1 where none is near.
+def true_ray(table: "xr.Dataset", campaign: Campaign, rays: Rays) -> IntArray:
+    """Index (mpc,) of the true ray of each component, -1 where no ray is near.
 
-    The nearest in the plane of delay and azimuth within an ellipse of `DELAY_GATE` and `AZIMUTH_GATE`.
+    It is the nearest in the plane of delay and azimuth within an ellipse of `DELAY_GATE` and `AZIMUTH_GATE`.
     """
     found = np.full(table.sizes["mpc"], NO_PATH)
     delay, azimuth = table["delay"].values, table["azimuth"].values
@@ -83,7 +83,7 @@ def behind(table: "xr.Dataset", campaign: Campaign, rays: Rays) -> IntArray:
 
 
 def is_single_wall_bounce(campaign: Campaign, rays: Rays) -> npt.NDArray[np.bool_]:
-    """Rays (ray,) that bounced once, off a wall: what the letter's equations are for."""
+    """Rays (ray,) with one bounce, off a wall. The letter's equations hold for these."""
     kind = campaign.environment.reflectors["kind"].values
     walls = np.flatnonzero(kind == "wall")
     return (rays.order == 1) & np.isin(rays.reflector, walls)

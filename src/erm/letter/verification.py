@@ -1,4 +1,4 @@
-"""What the page says of the ray-tracing verification."""
+"""Section of the page on the ray-tracing verification."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,7 +12,7 @@ from erm.letter.methods import COLOURS
 from erm.letter.outcome import true_points
 from erm.maps.outline import outline_of
 
-BARS = {"mean": 0.005, "rmse": 0.010}  # m, for merged walls
+TARGETS = {"mean": 0.005, "rmse": 0.010}  # m; of merged walls. Targets of the study
 HEADS = ["min [m]", "max [m]", "mean [m]", "RMSE [m]", f"under {room.SMALL} m"]
 
 
@@ -28,7 +28,7 @@ def ray_tracing(
     printed = published.ROOM_ERRORS
     row = [printed["min"], printed["max"], printed["mean"], printed["rmse"], f"{100 * printed['small']:.0f} %"]
     page.table(
-        ["from rays: delays on the grid 1/B", "planar reading", "higher order", "points", *HEADS],
+        ["from rays: delays on the grid 1/B", "planar equations", "higher order", "points", *HEADS],
         [
             ["the letter, printed", None, None, None, *row],
             *([one.resolution, one.planar, one.higher, *_cells(one)] for one in switched),
@@ -37,11 +37,11 @@ def ray_tracing(
     page.add(_placed(placed), _finer(grids))
     page.table(["grid", "points", *HEADS], [[one.label, *_cells(one)] for one in grids])
     page.add(
-        "From captures, for the MPCs of first order that make the map; wanted of ours, merged: mean at most "
-        f"{BARS['mean']} m, RMSE at most {BARS['rmse']} m.",
+        "From captures, for the MPCs of first order on the map. Targets of our merged walls: mean at most "
+        f"{TARGETS['mean']} m, RMSE at most {TARGETS['rmse']} m.",
     )
     page.table(
-        ["captures", "method", "points", *HEADS, "wanted"],
+        ["captures", "method", "points", *HEADS, "target"],
         [
             [kind, row.label, *_cells(row), _verdict(row) if row is one.rows[-1] else None]
             for kind, one in sensed.items()
@@ -49,12 +49,11 @@ def ray_tracing(
         ],
     )
     page.add(
-        "How many MPCs make the map, and what keeps the others from it: the same MPCs searched again with one thing "
-        "taken away. Without those that no path explains; with standard deviations widened by the RMS error that the "
-        "single bounces truly have; as single bounces alone at their true delays and azimuths. The last two columns "
-        "tell how many times that RMS error exceeds the standard deviation in the table. Where it is many times, paths "
-        "of one wall do not agree within what the table says of them, and the column of standard deviations that hold "
-        "tells what that costs."
+        "The number of MPCs on the map, and what keeps the others off it. The same MPCs are reconstructed again with "
+        "one cause removed: without the MPCs that no path explains; with standard deviations widened by the true RMS "
+        "error of the single bounces; with the single bounces alone at their true delays and azimuths. The last two "
+        "columns are this RMS error over the standard deviation in the table. Where the ratio is large, paths of one "
+        "wall do not agree within their standard deviations; the column *corrected standard deviations* shows the cost."
     )
     page.table(
         [
@@ -62,24 +61,24 @@ def ray_tracing(
             "median SNR [dB]",
             "MPCs",
             "single bounces measured",
-            "make the map",
-            "no single bounces among them",
+            "on the map",
+            "of these no single bounces",
             "without MPCs of no path",
-            "standard deviations that hold",
+            "corrected standard deviations",
             "without errors",
-            "delay error",
-            "azimuth error",
+            "delay error / std",
+            "azimuth error / std",
         ],
         [
             [
                 kind,
                 f"{one.snr:.0f}",
                 one.mpcs,
-                f"{one.measured} of {one.there}",
+                f"{one.measured} of {one.available}",
                 one.accepted,
                 one.false,
-                one.of_known,
-                one.of_honest,
+                one.of_explained,
+                one.of_corrected,
                 one.of_exact,
                 *(f"{one.excess[name]:.1f} ×" for name in ("delay", "azimuth")),
             ]
@@ -87,9 +86,9 @@ def ray_tracing(
         ],
     )
     page.add(
-        "Why the search left single bounces that were measured, in its own words:\n\n"
+        "Why measured single bounces are not on the map:\n\n"
         + "\n".join(
-            f"- captures {kind}: {', '.join(f'{count} {why}' for why, count in one.left.items()) or 'none left'}"
+            f"- captures {kind}: {', '.join(f'{count} {why}' for why, count in one.rejected.items()) or 'all are'}"
             for kind, one in sensed.items()
         )
     )
@@ -101,17 +100,17 @@ def figures(page: Page, campaign: Campaign, sensed: Mapping[str, room.Sensed]) -
     rx = np.array([link.rx[:2] for link in campaign.links])
     tx = np.unique([link.tx[:2] for link in campaign.links], axis=0)
     merged = shown.table["wall_point"].values[:, :2]
-    there, count = true_points(campaign), len(merged)
+    true, count = true_points(campaign), len(merged)
     page.figure(
         "room",
-        plot_sensed_points(outline_of(campaign.environment), there, merged, tx=tx, rx=rx),
-        f"The L-shaped room in plan: {len(there)} reflection points of the rays (simulated), and {count} of the merged "
+        plot_sensed_points(outline_of(campaign.environment), true, merged, tx=tx, rx=rx),
+        f"The L-shaped room in plan: {len(true)} reflection points of the rays (simulated), and {count} of the merged "
         f"walls (sensed) from captures {kind} at {len(rx)} positions of the RX.",
     )
     page.figure(
         "room_cdf",
         plot_error_cdf({row.label: row.error for row in shown.rows}, colours=COLOURS),
-        f"Distance between the sensed and the simulated point in plan: the same {count} MPCs by three methods, from "
+        f"Horizontal distance between the sensed and the simulated point: the same {count} MPCs by three methods, from "
         f"captures {kind}. The letter prints a mean of 0.02 m and an RMSE of 0.03 m.",
     )
 
@@ -119,24 +118,25 @@ def figures(page: Page, campaign: Campaign, sensed: Mapping[str, room.Sensed]) -
 def _alone(switched: Sequence[room.Switched]) -> str:
     rmse = {(one.resolution, one.planar, one.higher): one.statistics["rmse"] for one in switched}
     return (
-        "Reflection points sensed from the rays, with each approximation on and off. Without any the equations are "
-        f"exact. Alone, delays on the grid of 1/1.2 GHz cost an RMSE of {rmse[True, False, False]:.2f} m, the planar "
-        f"reading with antennas at 4 and 2 m {rmse[False, True, False]:.2f} m, rays of second order taken for first "
-        f"{rmse[False, False, True]:.2f} m; {published.ROOM_ERRORS['rmse']} m are printed."
+        "Reflection points sensed from the rays, with each approximation on and off. With all of them off, the "
+        f"equations are exact. The RMSE is {rmse[True, False, False]:.2f} m with delays on the grid of 1/1.2 GHz "
+        f"alone, {rmse[False, True, False]:.2f} m with the planar equations alone (antennas at 4 and 2 m), and "
+        f"{rmse[False, False, True]:.2f} m with rays of second order used as first order alone. The letter prints "
+        f"{published.ROOM_ERRORS['rmse']} m."
     )
 
 
 def _placed(placed: Mapping[str, Sequence[room.Row]]) -> str:
-    """Whether another place of the transmitter would give the printed number."""
+    """Errors for other places of the transmitter."""
     printed = published.ROOM_ERRORS["rmse"]
     rmse = {name: sorted(row.statistics["rmse"] for row in rows) for name, rows in placed.items()}
     under = {name: sum(one <= printed for one in values) for name, values in rmse.items()}
     spans = {name: f"{values[0]:.3f} to {values[-1]:.3f} m ({under[name]} of {len(values)} places at most {printed} m)"
              for name, values in rmse.items()}  # fmt: skip
     return (
-        "Where the letter's antennas stood is not printed. With the transmitter at each of the receivers' places in "
-        f"turn, the RMSE of delays on the grid of 1/1.2 GHz alone is {spans['resolution']}; that of the planar reading "
-        f"alone {spans['planar']}."
+        "The places of the letter's antennas are not printed. With the transmitter at the place of each receiver in "
+        f"turn, the RMSE of delays on the grid of 1/1.2 GHz alone is {spans['resolution']}; that of the planar "
+        f"equations alone is {spans['planar']}."
     )
 
 
@@ -145,8 +145,8 @@ def _finer(grids: Sequence[room.Row]) -> str:
     nearest = min(grids, key=lambda one: abs(np.log(one.statistics["rmse"] / printed["rmse"])))
     found = nearest.statistics
     return (
-        f"With heights and first order alone, delays on a grid of {nearest.label} are enough to make the printed "
-        f"numbers in this room: mean {found['mean']:.3f} m (printed {printed['mean']}), RMSE {found['rmse']:.3f} m "
+        f"With heights and first order alone, delays on a grid of {nearest.label} give the printed numbers in this "
+        f"room: mean {found['mean']:.3f} m (printed {printed['mean']}), RMSE {found['rmse']:.3f} m "
         f"({printed['rmse']}), largest {found['max']:.3f} m ({printed['max']}), {100 * found['small']:.0f} % under "
         f"{room.SMALL} m (85 %):"
     )
@@ -160,4 +160,4 @@ def _cells(row: room.Row) -> list[object]:
 
 def _verdict(row: room.Row) -> str:
     found = row.statistics
-    return "holds" if all(found[name] <= bar for name, bar in BARS.items()) else "**missed**"
+    return "holds" if all(found[name] <= bar for name, bar in TARGETS.items()) else "**missed**"

@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.projections.polar import PolarAxes
 from numpy.typing import ArrayLike
 
-from erm.letter.captures import AS_IT_IS, Campaign, Change, Link, Measured
+from erm.letter.captures import UNCHANGED, Campaign, Change, Link, Measured
 from erm.mpcs.table import columns_of_product, empty_table, make_table
 from erm.tracing.trace import trace
 from sounder import shipped
@@ -39,7 +39,7 @@ def campaign(scene: str) -> Campaign:
     )
 
 
-def measure(campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable[[], None] | None = None) -> Measured:
+def measure(campaign: Campaign, change: Change = UNCHANGED, *, progress: Callable[[], None] | None = None) -> Measured:
     """Carry the paths of each link through the instrument and its processing.
 
     Raises

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from erm.letter.ablation import parts
-from erm.letter.captures import Campaign, Link, Measured, Remembered
+from erm.letter.ablation import split_by_cause
+from erm.letter.captures import Cached, Campaign, Link, Measured
 from erm.letter.truth import as_table, rays_of
 from erm.maps.environment import Environment
 
@@ -25,18 +25,18 @@ def measured(campaign: Campaign, late: float):
 
 
 def test_singles_are_the_single_bounces_and_their_errors_are_those_that_were_made(street):
-    taken = parts(measured(street, 1e-10), street)
-    assert (taken.there, taken.measured, taken.singles.sizes["mpc"]) == (8, 8, 8)
+    taken = split_by_cause(measured(street, 1e-10), street)
+    assert (taken.available, taken.measured, taken.singles.sizes["mpc"]) == (8, 8, 8)
     assert taken.excess["delay"] == pytest.approx(10.0)
     np.testing.assert_allclose(taken.singles["delay"] - taken.exact["delay"], 1e-10, rtol=1e-6)
-    np.testing.assert_allclose(taken.honest["delay_std"], np.hypot(1e-11, 1e-10))
-    np.testing.assert_allclose(taken.honest["azimuth_std"], 0.1)  # azimuths were right
+    np.testing.assert_allclose(taken.corrected["delay_std"], np.hypot(1e-11, 1e-10))
+    np.testing.assert_allclose(taken.corrected["azimuth_std"], 0.1)  # azimuths were right
 
 
 def test_what_no_path_is_near_to_is_left_out_of_what_is_known(street):
     table = measured(street, 0.0)
     lost = table.assign(delay=("mpc", table["delay"].values + np.where(np.arange(table.sizes["mpc"]) == 3, 5e-9, 0.0)))
-    assert parts(lost, street).known.sizes["mpc"] == table.sizes["mpc"] - 1
+    assert split_by_cause(lost, street).explained.sizes["mpc"] == table.sizes["mpc"] - 1
 
 
 def test_no_link_is_measured_twice_with_the_same_instrument(street):
@@ -48,7 +48,7 @@ def test_no_link_is_measured_twice_with_the_same_instrument(street):
             table = measured(campaign, 0.0)
             return Measured(table, np.arange(table.sizes["mpc"], dtype=float))
 
-    captures = Remembered(Counting())
+    captures = Cached(Counting())
     captures.measure(street.at(street.links[1:3]))
     again = captures.measure(street)
     assert sorted(asked) == ["RX0", "RX1", "RX2", "RX3"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from erm.letter.captures import Campaign, Link
-from erm.letter.prediction import LEAST, beside, choices, cut_back, judge, predict
+from erm.letter.prediction import MIN_POWER, beside, choices, cut_back, evaluate_prediction, predict
 from erm.letter.sweeps import along
 from erm.letter.truth import as_table, rays_of
 from erm.maps.environment import Environment
@@ -22,13 +22,13 @@ def street() -> Campaign:
 
 
 def test_the_true_map_predicts_the_whole_channel(street):
-    found = judge(street.environment, beside(street))
+    found = evaluate_prediction(street.environment, beside(street))
     assert (found.power, found.false, found.level) == pytest.approx((1.0, 0.0, 0.0))
 
 
 def test_an_empty_map_predicts_nothing(street):
-    found = judge(Environment.empty(), beside(street))
-    assert (found.power, found.false, found.level) == pytest.approx((0.0, 0.0, -10 * np.log10(LEAST)))
+    found = evaluate_prediction(Environment.empty(), beside(street))
+    assert (found.power, found.false, found.level) == pytest.approx((0.0, 0.0, -10 * np.log10(MIN_POWER)))
 
 
 def test_more_positions_predict_more(street):
@@ -53,7 +53,7 @@ def test_a_wall_over_an_opening_predicts_falsely_until_it_is_cut_back(street):
     south = [[90, -15], [-20, -15]]
     faces = [[[-20, 20], [20, 20]], [[20, 20], [60, 20]], [[60, 20], [90, 20]], south]
     true = replace(street, environment=Environment.walls(faces, base=[0.0, 8.0, 0.0, 0.0], top=20.0))
-    found = judge(Environment.walls([[[-20, 20], [90, 20]], south], top=20.0), beside(true))
+    found = evaluate_prediction(Environment.walls([[[-20, 20], [90, 20]], south], top=20.0), beside(true))
     assert found.false > 0.1
     assert found.false_cut < 0.01
 

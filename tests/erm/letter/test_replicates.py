@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from erm.letter.replicates import difference, is_clear, mean, standard_error, with_error
+from erm.letter.replicates import difference, is_significant, mean, standard_error, with_error
 
 
 def test_the_error_of_a_mean_falls_with_the_root_of_the_count():
@@ -24,10 +24,10 @@ def test_what_the_places_do_to_both_settings_falls_out_of_their_difference():
     former = np.array([0.1, 0.5, 0.9])
     step = difference(former + 0.05, former)
     assert step == pytest.approx((0.05, 0.0), abs=1e-15)
-    assert is_clear(step)
-    assert not is_clear(difference([0.1, 0.9, 0.5], former))
+    assert is_significant(step)
+    assert not is_significant(difference([0.1, 0.9, 0.5], former))
 
 
-def test_means_are_told_with_their_errors():
+def test_means_are_written_with_their_errors():
     assert with_error([0.5, 0.6, 0.7], percent=True) == "60 % ± 6"
     assert with_error([0.012]) == "0.012"

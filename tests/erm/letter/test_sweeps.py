@@ -1,4 +1,4 @@
-"""What settings bring is told with its scatter; a loss is told with what becomes of it."""
+"""The effect of a setting is reported with its scatter, a loss with its cause."""
 
 from dataclasses import replace
 
@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from erm.letter.outcome import Outcome
-from erm.letter.outlook import _told as told
+from erm.letter.outlook import _describe as describe
 from erm.letter.sweeps import Knob, Sweep, gains, setbacks
 from erm.letter.sweeps import _with_shared as with_shared
 
 PLAIN = Outcome(
-    positions=5, snr=30.0, mpcs=50, stray=3, there=20, measured=18, completeness=0.6, of_known=0.6, of_honest=0.6,
-    of_exact=0.6, excess=1.0, false=0, point_error=0.1, shared_error=0.1, wall_error=0.01, wall_honest=0.01,
+    positions=5, snr=30.0, mpcs=50, stray=3, available=20, measured=18, completeness=0.6, of_explained=0.6,
+    of_corrected=0.6, of_exact=0.6, excess=1.0, false=0, point_error=0.1, shared_error=0.1, wall_error=0.01,
+    wall_corrected=0.01,
 )  # fmt: skip
 KNOB = Knob("gain", "dB", (1.0, 2.0, 3.0), 1.0, None)
 
@@ -41,12 +42,12 @@ def test_a_fall_within_the_scatter_is_none():
     assert setbacks([one]) == []
 
 
-def test_a_loss_that_honest_errors_bring_back_is_said_to_be_theirs():
-    one = sweep_of(completeness=[0.6, 0.6, 0.3], of_known=[0.6, 0.6, 0.3], of_honest=[0.6, 0.6, 0.6])
+def test_a_loss_that_corrected_errors_remove_is_attributed_to_them():
+    one = sweep_of(completeness=[0.6, 0.6, 0.3], of_explained=[0.6, 0.6, 0.3], of_corrected=[0.6, 0.6, 0.6])
     (step,) = setbacks([one])
     assert (step.former, step.later) == (2.0, 3.0)
-    assert "It is gone with standard deviations that hold" in told(step)
-    assert "without the MPCs of no path." not in told(step).split("It is gone")[1]
+    assert "There is no loss with corrected standard deviations" in describe(step)
+    assert "without the MPCs of no path" not in describe(step).split("There is no loss")[1]
 
 
 def test_the_shared_error_is_that_of_the_paths_that_every_value_found():

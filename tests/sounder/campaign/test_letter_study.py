@@ -10,7 +10,7 @@ import xarray as xr
 
 from erm.common.errors import DataError
 from erm.letter import corridor, published, routes
-from erm.letter.captures import AS_IT_IS, Campaign, Change, Measured
+from erm.letter.captures import UNCHANGED, Campaign, Change, Measured
 from erm.letter.methods import SINGLE
 from erm.letter.published import TABLE_2
 from erm.letter.scatter import printed_signs, scatter
@@ -37,7 +37,7 @@ class Ideal:
         return full.at([link for link in full.links if link.name in FEW])
 
     def measure(
-        self, campaign: Campaign, change: Change = AS_IT_IS, *, progress: Callable[[], None] | None = None
+        self, campaign: Campaign, change: Change = UNCHANGED, *, progress: Callable[[], None] | None = None
     ) -> Measured:
         if self.left == 0:
             raise DataError("the amplifier burnt out")

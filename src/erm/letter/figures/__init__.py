@@ -1,4 +1,4 @@
-"""Figures that only the studies of the letter draw."""
+"""Figures of the letter's studies."""
 
 from erm.letter.figures.curves import plot_predictions, plot_sweeps
 from erm.letter.figures.errors import plot_face_errors, plot_ordinates

@@ -1,4 +1,4 @@
-"""Curves of the letter's outlook: what settings and positions bring."""
+"""Curves of the letter's future work: effects of settings and positions."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -18,13 +18,13 @@ MEASURES: dict[str, tuple[str, dict[str, str]]] = {
     "Completeness": (
         "linear",
         {
-            "completeness": "MPCs as they are",
-            "of_honest": "standard deviations that hold",
+            "completeness": "MPCs as measured",
+            "of_corrected": "corrected standard deviations",
             "of_exact": "without errors",
         },
     ),
-    "RP error (m)": ("log", {"point_error": "MPCs on the map", "shared_error": "paths that every value found"}),
-    "Wall error (m)": ("log", {"wall_error": "MPCs as they are", "wall_honest": "standard deviations that hold"}),
+    "RP error (m)": ("log", {"point_error": "MPCs on the map", "shared_error": "paths found with every value"}),
+    "Wall error (m)": ("log", {"wall_error": "MPCs as measured", "wall_corrected": "corrected standard deviations"}),
 }
 """Columns of a figure of sweeps: label, scale, and the curves by field of `erm.letter.sweeps.Outcome`."""
 STYLES: tuple[dict[str, Any], ...] = (
@@ -35,7 +35,7 @@ STYLES: tuple[dict[str, Any], ...] = (
 
 
 def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
-    """Draw what settings bring: a row a knob, a column a measure; dotted where the letter has it.
+    """Draw the effect of settings: a row for each setting, a column for each measure; dotted: the letter's value.
 
     Bars are one standard error of the mean over the replicates.
 
@@ -48,14 +48,14 @@ def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
 
     shape = len(sweeps), len(MEASURES)
     height = 1.75 * shape[0] + 0.7  # inch
-    # not laid out by itself: legends wider than their column would part the columns
+    # no automatic layout: legends wider than their column would move the columns apart
     room = {"left": 0.08, "right": 0.98, "bottom": 0.5 / height, "top": 1 - 0.7 / height, "wspace": 0.35, "hspace": 0.5}
     figure, grid = plt.subplots(*shape, figsize=(8.6, height), sharey="col", squeeze=False, gridspec_kw=room)
     for row, one in zip(grid, sweeps, strict=True):
         for axes, (label, (scale, curves)) in zip(row, MEASURES.items(), strict=True):
-            for (field, told), style in zip(curves.items(), STYLES, strict=False):
+            for (field, label_of_curve), style in zip(curves.items(), STYLES, strict=False):
                 mean, error = one.mean(field), one.error(field)
-                axes.errorbar(one.knob.values, mean, yerr=error, label=told, markersize=4, capsize=2, **style)
+                axes.errorbar(one.knob.values, mean, yerr=error, label=label_of_curve, markersize=4, capsize=2, **style)
             axes.axvline(one.knob.usual, color=PALETTE["truth"], linestyle=":", linewidth=1.2, zorder=0)
             axes.grid(alpha=0.3)
             axes.set_yscale(scale)
@@ -96,7 +96,7 @@ def plot_predictions(predictions: "Sequence[Predicted]") -> "Figure":
     right.set_ylabel("RMS error of the power (dB)")
     right.set_ylim(bottom=0)
     for axes in (left, right):
-        axes.set_xlabel("Positions behind the map")
+        axes.set_xlabel("Positions of the map")
         axes.grid(alpha=0.3)
         axes.legend(**ABOVE)
     return figure

@@ -1,4 +1,4 @@
-"""How reflection points miss a face: in plan, and by one coordinate where the other is not known."""
+"""Errors of reflection points to a face: in plan, and by one coordinate where the other is not known."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -18,14 +18,14 @@ ERROR = "#000000"
 def plot_face_errors(
     points: FloatArray, face: FloatArray, *, tx: FloatArray | None = None, ax: "Axes | None" = None
 ) -> "Axes":
-    """Draw reflection points and their perpendicular errors, to the line of a face.
+    """Draw reflection points and their perpendicular errors from the line of a face.
 
     Parameters
     ----------
     points : array (point, 2)
         East/north [m].
     face : array (2 ends, 2)
-        Known ends of the face [m]; beyond them its line is dashed.
+        Known ends of the face [m]. Beyond them its line is dashed.
     tx : array (antenna, 2), optional
         [m].
     """
@@ -53,7 +53,7 @@ def plot_face_errors(
 def plot_ordinates(
     values: npt.ArrayLike, faces: npt.ArrayLike, known: Mapping[str, float], *, ax: "Axes | None" = None
 ) -> "Axes":
-    """Draw reflection points of which only the northing is known, and their errors to the faces they belong to.
+    """Draw reflection points of which only the northing is known, and their errors from their faces.
 
     Parameters
     ----------
