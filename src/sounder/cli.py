@@ -1,7 +1,6 @@
 """Command line of the sounder: from raw captures to impulse responses, DAPS and MPCs."""
 
 import math
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -160,22 +159,11 @@ def run(
 
     Positions that were processed before, from the same files with the same options, are not processed again.
     """
-    from erm.reconstruction.summary import left_out
-    from sounder.campaign.description import load_campaign
-    from sounder.campaign.run import REPORT, run_campaign
+    from sounder.campaign.run import run_campaign
 
-    described = load_campaign(campaign)
-    result = run_campaign(described, out or described.out)
-    made, positions = console.counted(len(result.products), "product"), console.counted(result.positions, "position")
-    folder = Path(os.path.normpath(result.out))  # for people; with links it may not be the same
-    print(f"{folder}: {made}; {result.already} of {positions} were there already")
-    kind = result.environment.reflectors["kind"].values
-    found = " and ".join(console.counted(int((kind == thing).sum()), thing) for thing in ("wall", "pole"))
-    used, there = int(result.located["accepted"].sum()), console.counted(result.table.sizes["mpc"], "MPC")
-    print(f"map: {found} from {used} of {there}")
-    for line in left_out(result.located, described.map.min_support):
+    result = run_campaign(campaign, out)
+    for line in result.summary:
         print(line)
-    print(f"report: {folder / REPORT}")
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)
     console.report_failures(result.failures)

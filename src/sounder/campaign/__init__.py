@@ -1,1 +1,1 @@
-"""A campaign by one command: its description, its run, its report, and the demo."""
+"""Campaigns: description, run, report and demo."""

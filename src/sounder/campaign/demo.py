@@ -1,4 +1,4 @@
-"""The whole chain on the letter's campaign: simulated captures, processed from the files alone, and scored."""
+"""Demo: the campaign of the letter is simulated, processed from its files, reconstructed and scored."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from erm.common import console
 from erm.common.errors import DataError
-from erm.common.storage import provenance
 from erm.evaluation.outline import evaluate_walls, face_hits, on_walls, point_errors, summary
 from erm.figures import plot_error_cdf, plot_map
 from erm.geometry.vertical import reflection_point
@@ -19,7 +18,7 @@ from erm.maps.outline import outline_of
 from erm.mpcs.files import read_mpcs
 from erm.mpcs.selection import select
 from erm.mpcs.table import path_length
-from erm.reconstruction.reconstruct import reconstruct
+from erm.reconstruction.make_map import make_map
 from sounder import shipped
 from sounder.figures.files import draw_overlay, draw_product
 from sounder.processing.jobs import gather
@@ -28,8 +27,9 @@ from sounder.twin.scene import load_scene
 from sounder.twin.simulate import simulate
 
 OVERLAID = (("RX2_L", "RX9_L"), ("RX2_N", "RX3_N"))
-"""Pairs of positions whose DAPS the letter draws into one diagram."""
-HEIGHTS, PLANAR = "3-D, with heights", "planar, as printed"
+"""Pairs of positions whose DAPS the letter shows in one diagram."""
+SPATIAL, PLANAR = "3-D (with heights)", "planar (as published)"
+"""The two methods whose reflection points are compared, as the figure labels them."""
 
 
 def run_demo(out: Path, *, scene: Path | None = None) -> dict[str, float]:
@@ -40,13 +40,13 @@ def run_demo(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     out : Path
         Folder for raw recordings, truth, products, map and figures.
     scene : Path, optional
-        Another scene; default the letter's.
+        Another scene. Default: that of the letter.
 
     Returns
     -------
     dict
-        Score: ``walls``, ``false``, ``found``, ``missed`` (of the walls that at least three accepted MPCs hit),
-        ``rmse`` and ``planar_rmse`` of the RPs' perpendicular error [m].
+        Score: ``walls``, ``false``, ``found``, ``missed`` (of the walls that at least three accepted MPCs hit), and
+        the perpendicular RMSE of the RPs, ``rmse`` and ``planar_rmse`` [m].
 
     Raises
     ------
@@ -61,31 +61,28 @@ def run_demo(out: Path, *, scene: Path | None = None) -> dict[str, float]:
         outcome = process(jobs, out / "products", progress=advance)
     if failures or outcome.failures:
         raise DataError("; ".join(failures + outcome.failures))
-    table, complaints = read_mpcs(outcome.products)
-    selected = select(table)
-    environment, merged = reconstruct(selected)
-    origin = provenance("Reconstructed environment", "sounder demo", inputs=outcome.products)
-    environment.reflectors.attrs.update(origin)
+    table, problems = read_mpcs(outcome.products)
+    environment, located = make_map(table, history="sounder demo", inputs=outcome.products)
     write_map(environment, out / "map.geojson")
     truth = read_map(out / "truth" / "environment.geojson")
-    score = score_map(environment, selected, merged, truth)
+    score = score_map(environment, select(table), located, truth)
     with console.progress("drawing", len(OVERLAID) + 2) as advance:
-        _draw(environment, merged, truth, outcome.products, out / "figures", advance=advance)
+        _draw(environment, located, truth, outcome.products, out / "figures", advance=advance)
     _print(score, out, positions=len(recordings), mpcs=table.sizes["mpc"])
-    console.report_failures(complaints)
+    console.report_failures(problems)
     return score
 
 
 def score_map(
-    environment: Environment, selected: xr.Dataset, merged: xr.Dataset, truth: Environment
+    environment: Environment, selected: xr.Dataset, located: xr.Dataset, truth: Environment
 ) -> dict[str, float]:
-    """Score a map and its reflection points against the environment that made the recordings.
+    """Score a map and its reflection points against the simulated environment.
 
-    Which walls there are to find is told by the MPCs that were accepted before any were merged: those of which three
-    or more have their reflection point within half a metre of the wall.
+    A wall can be found if at least three of the ``selected`` MPCs have their reflection point within half a metre of
+    it.
     """
     outline = outline_of(truth)
-    accepted = on_walls(merged, environment)
+    accepted = on_walls(located, environment)
     single = selected["reflection_point"].values[selected["accepted"].values]
     hits = face_hits(single, outline, tolerance=0.5)
     walls = evaluate_walls(environment, outline, hits)
@@ -93,34 +90,34 @@ def score_map(
     return {
         **{name: walls[name] for name in ("walls", "false", "found", "missed")},
         "accepted": accepted.sizes["mpc"],
-        "rmse": rmse[HEIGHTS],
+        "rmse": rmse[SPATIAL],
         "planar_rmse": rmse[PLANAR],
     }
 
 
 def _errors(accepted: xr.Dataset, outline: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """Perpendicular errors of the same MPCs' reflection points by both methods [m]."""
+    """Perpendicular errors of the reflection points of the same MPCs, by both methods [m]."""
     ends = accepted["tx_position"].values, accepted["rx_position"].values
     planar, _ = reflection_point(*ends, path_length(accepted), accepted["azimuth"].values, planar=True)
     return {
-        HEIGHTS: point_errors(accepted["reflection_point"].values, outline).perpendicular,
+        SPATIAL: point_errors(accepted["reflection_point"].values, outline).perpendicular,
         PLANAR: point_errors(planar, outline).perpendicular,
     }
 
 
 def _draw(
     environment: Environment,
-    merged: xr.Dataset,
+    located: xr.Dataset,
     truth: Environment,
     products: list[Path],
     out: Path,
     *,
     advance: Callable[[], None],
 ) -> None:
-    """Draw map and error CDF, the letter's pairs of DAPS, and the figures of one position."""
+    """Draw the map, the CDF of errors, the pairs of DAPS that the letter shows, and the figures of one position."""
     outline = outline_of(truth)
-    console.save_figure(plot_map(environment, table=merged, outline=outline), out / "map.png")
-    accepted = on_walls(merged, environment)
+    console.save_figure(plot_map(environment, table=located, outline=outline), out / "map.png")
+    accepted = on_walls(located, environment)
     console.save_figure(plot_error_cdf(_errors(accepted, outline)), out / "error_cdf.png")
     advance()
     made = {product.stem: product for product in products}
@@ -140,9 +137,9 @@ def _print(score: dict[str, float], out: Path, *, positions: int, mpcs: int) -> 
         ("accepted as single wall bounces", score["accepted"]),
         ("walls in the map", score["walls"]),
         ("false walls", score["false"]),
-        ("walls hit by three accepted MPCs, found", f"{score['found']} of {wanted}"),
+        ("walls hit by three or more accepted MPCs, found", f"{score['found']} of {wanted}"),
         ("RP perpendicular error, RMSE", f"{score['rmse']:.3f} m"),
-        ("the same MPCs by the letter's planar equations", f"{score['planar_rmse']:.3f} m"),
+        ("the same by the planar equations of the letter", f"{score['planar_rmse']:.3f} m"),
     ]
     console.show(["demo", "result"], rows)
     print(f"map: {out / 'figures' / 'map.png'}")

@@ -1,4 +1,4 @@
-"""A campaign: which recordings there are, how they are processed, what is made of them; read from TOML."""
+"""Campaign file (TOML): which recordings there are, how to process them, and what to make of them."""
 
 import glob
 import re
@@ -10,7 +10,8 @@ from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_
 
 from erm.common.errors import DataError
 from erm.maps.georeference import Georeference
-from erm.mpcs.options import Threshold as Selection
+from erm.mpcs.options import Threshold as SelectionThreshold
+from sounder.campaign.result import PRODUCTS
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options, Threshold
 from sounder.processing.jobs import Job, gather
 from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, describe, read_toml
@@ -18,21 +19,21 @@ from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Tabl
 MapFormat = Literal["h5", "geojson", "gpkg", "csv", "dxf", "ply", "obj", "xml"]
 
 
-def _some(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    # pydantic's own min_length counts what is wrong as missing
+def _not_empty(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    # pydantic's min_length would count invalid items as missing
     if not values:
         raise ValueError("is empty; expected at least one")
     return values
 
 
 class Recordings(Table):
-    """Files that are read alike, with one back-to-back: those of a day.
+    """Files with one back-to-back, for example those of a day.
 
     In ``files``, ``*`` stands for any part of a name and ``**`` for any folders. ``calibration``, ``layout`` and
-    ``sounder`` are as in ``sounder process``.
+    ``sounder`` are the options of ``sounder process``.
     """
 
-    files: Annotated[tuple[str, ...], AfterValidator(_some)]
+    files: Annotated[tuple[str, ...], AfterValidator(_not_empty)]
     calibration: RelativePath | None = None
     layout: RelativePath | None = None
     sounder: RelativePath | None = None
@@ -45,7 +46,7 @@ class Recordings(Table):
 
 
 class Processing(Table):
-    """From captures to MPCs, as in ``sounder process``; the last three tell who works, and change no product."""
+    """Options of ``sounder process``. ``threads``, ``workers`` and ``scheduler`` do not change the products."""
 
     averaging: Averaging = Options.averaging
     threshold: Threshold = Options.threshold
@@ -58,25 +59,25 @@ class Processing(Table):
 
     @property
     def options(self) -> Options:
-        """What is stored in every product."""
+        """Options that every product stores."""
         return Options(self.averaging, self.threshold, self.method, self.omnidirectional, self.keep_cir)
 
 
 class Map(Table):
-    """From MPCs to the map, as in ``erm reconstruct``.
+    """Options of ``erm reconstruct``, and what else is made of the map.
 
-    ``origin`` is latitude, longitude [degree] and perhaps height [m] of the local (0, 0, 0), ``heading`` the bearing of
-    the local y axis, as in :class:`erm.maps.georeference.Georeference`. By ``outline`` the map is scored.
+    ``origin`` is latitude and longitude [degree] and optionally height [m] of the local (0, 0, 0); ``heading`` is the
+    bearing of the local y axis, as in :class:`erm.Georeference`. The map is scored against the known ``outline``.
     """
 
-    threshold: Selection = "consistency"
+    threshold: SelectionThreshold = "consistency"
     max_loss: Positive | None = None
     min_support: Annotated[int, Field(ge=1)] = 3
     ground: float = 0.0
     rx_std: NotNegative = 0.0
     origin: Annotated[
         tuple[float, float] | tuple[float, float, float] | None,
-        Alternatives("latitude, longitude and perhaps height"),
+        Alternatives("latitude, longitude and, optionally, height"),
     ] = None
     heading: float = 0.0
     outline: RelativePath | None = None
@@ -84,25 +85,25 @@ class Map(Table):
 
     @property
     def georeference(self) -> Georeference | None:
-        """Place of the local frame on earth."""
+        """Georeference of the local frame; None without ``origin``."""
         if self.origin is None:
             return None
         latitude, longitude, *height = self.origin
         return Georeference(latitude, longitude, sum(height), self.heading)
 
     @model_validator(mode="after")
-    def _placed(self) -> Self:
+    def _check_georeference(self) -> Self:
         if self.heading and self.origin is None:
-            raise ValueError("heading is given without an origin; expected both, or neither")
+            raise ValueError("heading is given without origin; expected both or neither")
         try:
-            self.georeference  # noqa: B018 (it says what is wrong with its numbers)
+            self.georeference  # noqa: B018 (it checks its numbers)
         except DataError as error:
             raise ValueError(str(error)) from None
         return self
 
 
 class Figures(Table):
-    """Figures of positions: DAPS in polar and cartesian form, and PDP; of all, of none, or of those named."""
+    """Figures of positions (polar and cartesian DAPS, PDP): of all, of none, or of those listed."""
 
     format: FigureFormat = "png"
     positions: Annotated[
@@ -110,7 +111,7 @@ class Figures(Table):
     ] = "all"
 
     def wanted(self, position: str) -> bool:
-        """Whether a position is to be drawn."""
+        """Whether to draw a position."""
         return self.positions == "all" or (self.positions != "none" and position in self.positions)
 
 
@@ -120,18 +121,18 @@ class Campaign(Table):
     Attributes
     ----------
     name : str
-        Title of the report; in the file, that of the file if absent.
+        Title of the report. Default in a file: the name of the file.
     recordings : tuple of Recordings
-        In the file one table, or an array of tables with a back-to-back each.
+        In a file: one table, or an array of tables with a back-to-back each.
     processing : Processing
     map : Map
     figures : Figures
     out : Path
-        Folder for all that is made; in the file, one beside it and named after it if absent.
+        Folder for all outputs. Default in a file: a folder beside it, named after it.
     """
 
     name: str
-    recordings: Annotated[tuple[Recordings, ...], AfterValidator(_some)]
+    recordings: Annotated[tuple[Recordings, ...], AfterValidator(_not_empty)]
     processing: Processing = Processing()
     map: Map = Map()
     figures: Figures = Figures()
@@ -139,17 +140,17 @@ class Campaign(Table):
     _source: Path = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Keep the name of the file."""
+        """Keep the path of the campaign file."""
         self._source = context
 
     @property
     def source(self) -> Path:
-        """The file."""
+        """Campaign file."""
         return self._source
 
     @property
-    def named(self) -> list[Path]:
-        """Files that the campaign names, beside the recordings."""
+    def inputs(self) -> list[Path]:
+        """The campaign file and all files that it names, without the recordings."""
         groups = self.recordings
         each = [path for group in groups for path in (group.calibration, group.layout, group.sounder)]
         return [path for path in (self.source, *each, self.map.outline) if path is not None]
@@ -160,30 +161,30 @@ class Campaign(Table):
         Parameters
         ----------
         out : Path
-            Folder of what is made, which patterns do not match.
+            Folder of the outputs, which patterns do not match.
 
         Returns
         -------
         jobs : list of Job
-            For :func:`sounder.processing.pipeline.process`.
+            For :func:`sounder.process`.
         failures : list of str
-            One line for each file, position or group that cannot be used.
+            One line for each file, position or table of recordings that cannot be used.
         """
         jobs: list[Job] = []
         failures: list[str] = []
-        spared = {path.resolve() for path in self.named}
-        made = [(out / name).resolve() for name in ("products", *(f"map.{suffix}" for suffix in get_args(MapFormat)))]
+        inputs = {path.resolve() for path in self.inputs}
+        outputs = [(out / name).resolve() for name in (PRODUCTS, *(f"map.{one}" for one in get_args(MapFormat)))]
         for group in self.recordings:
             files: list[Path] = []
             for pattern in group.files:
-                found = _matched(pattern, self.source.parent, spared, made)
+                found = _matched(pattern, self.source.parent, inputs, outputs)
                 if not found:
                     failures.append(f"{self.source}: recordings.files: {pattern} matches no file")
                 files += found
             try:
                 how = {"calibration": group.calibration, "layout": group.layout, "sounder": group.sounder}
                 opened, refused = gather(list(dict.fromkeys(files)), **how)
-            except DataError as error:  # costs its group alone
+            except DataError as error:  # of this table of recordings alone
                 failures.append(str(error))
                 continue
             jobs += opened
@@ -192,39 +193,50 @@ class Campaign(Table):
 
 
 def load_campaign(path: Path | str) -> Campaign:
-    """Read a campaign; files are named from its own folder.
+    r"""Read a campaign file. Paths in it are relative to its folder.
 
     Raises
     ------
     DataError
-        The file is missing, not TOML, or has an unknown key or a value that does not fit.
+        The file is missing or not TOML, or has an unknown key or an invalid value.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import sounder
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> text = '[recordings]\nfiles = ["RX*.h5"]\ncalibration = "back-to-back.h5"'
+    >>> _ = (folder / "street.toml").write_text(text)
+    >>> campaign = sounder.load_campaign(folder / "street.toml")
+    >>> campaign.name, campaign.out.name, campaign.map.threshold
+    ('street', 'street', 'consistency')
     """
     path = Path(path)
     tables = read_toml(path)
     for name in ("name", "out"):
         tables.setdefault(name, path.stem)
-    alone = isinstance(tables.get("recordings"), dict)
-    if alone:
+    single = isinstance(tables.get("recordings"), dict)
+    if single:
         tables["recordings"] = [tables["recordings"]]
     try:
         return Campaign.model_validate(tables, context=path)
     except ValidationError as error:
-        told = describe(error, Campaign)
-        raise DataError(f"{path}: {told.replace('recordings.0', 'recordings') if alone else told}") from None
+        problem = describe(error, Campaign)
+        raise DataError(f"{path}: {problem.replace('recordings.0', 'recordings') if single else problem}") from None
 
 
-def _matched(pattern: str, folder: Path, spared: set[Path], made: Iterable[Path]) -> list[Path]:
-    """Files of a name or a pattern; a pattern leaves out ``spared`` files, and what is ``made`` or lies in it."""
+def _matched(pattern: str, folder: Path, inputs: set[Path], outputs: Iterable[Path]) -> list[Path]:
+    """File of a name, or files of a pattern without other ``inputs`` and without ``outputs`` and what they hold."""
     if not glob.has_magic(pattern) or (folder / pattern).exists():
         return [folder / pattern]
-    paths = [folder / name for name in sorted(glob.glob(pattern, root_dir=folder, recursive=True), key=_in_order)]
+    paths = [folder / name for name in sorted(glob.glob(pattern, root_dir=folder, recursive=True), key=_natural_order)]
 
-    def foreign(path: Path) -> bool:
-        return path.resolve() not in spared and not any(path.resolve().is_relative_to(place) for place in made)
+    def is_recording(path: Path) -> bool:
+        return path.resolve() not in inputs and not any(path.resolve().is_relative_to(output) for output in outputs)
 
-    return [path for path in paths if path.is_file() and foreign(path)]
+    return [path for path in paths if path.is_file() and is_recording(path)]
 
 
-def _in_order(name: str) -> list[Any]:
-    """Key that puts RX2 before RX10."""
+def _natural_order(name: str) -> list[Any]:
+    """Sort key that puts RX2 before RX10."""
     return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]

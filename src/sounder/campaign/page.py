@@ -1,4 +1,4 @@
-"""The report of a campaign, as one page: what was measured, the map with its errors, each position, what failed."""
+"""Report of a campaign, one page: the map with its errors, the score, the set-up, each position, and what failed."""
 
 import json
 import os
@@ -13,40 +13,40 @@ from erm.common.console import counted
 from erm.common.page import Page, cell
 from erm.common.storage import SOFTWARE
 from erm.mpcs.reasons import Reason, count_reasons
+from sounder.campaign.result import POINTS, PRODUCTS, TABLE
 from sounder.instrument.description import Sounder
 from sounder.processing.recording_summary import describe_sounder
+from sounder.processing.summary_texts import line_of_sight
 
 if TYPE_CHECKING:
-    from sounder.campaign.description import Campaign
-    from sounder.campaign.result import Result
+    from sounder.campaign.result import CampaignResult
 
-SHOWN = 10
-"""MPCs of a position that the page shows, the strongest; the table beside it holds all."""
-SEEN = (".png", ".svg")
-"""Figures that a page of Markdown can show; others are linked."""
+MAX_SHOWN_MPCS = 10
+"""Strongest MPCs of a position that the page shows; the MPC table holds all. Chosen; not derived."""
+IMAGES = (".png", ".svg")
+"""Formats of figures that Markdown can show. Others are linked."""
 
 
-def tell(campaign: "Campaign", result: "Result", page: Page) -> None:
+def fill_page(result: "CampaignResult", page: Page) -> None:
     """Fill the page.
 
-    It names neither the folder nor the time, nor what was there before: the same campaign gives the same page.
+    It holds neither the folder, nor the time, nor what existed before: the same campaign gives the same page.
 
     Parameters
     ----------
-    campaign : Campaign
-    result : Result
-        Of :func:`sounder.campaign.run.run_campaign`.
+    result : CampaignResult
     page : Page
     """
+    campaign = result.campaign
     positions = [_Position(product, root, result) for product, root in result.products.items()]
-    page.add(f"# {campaign.name}", _opening(campaign, result))
+    page.add(f"# {campaign.name}", _overview(result))
     if result.failures:
-        page.add("## What failed", _listed(_local(line, campaign) for line in result.failures))
-    page.add("## Map", _shown(result.map_figure, result.out, "Map of the walls, reflection points, TX and RX"))
-    _walls(campaign, result, page)
+        page.add("## What failed", _list(_relative(line, campaign.source.parent) for line in result.failures))
+    page.add("## Map", _image(result.map_figure, result.out, "Map of the walls, reflection points, TX and RX"))
+    _reflectors(result, page)
     if result.score:
-        _score(campaign, result, page)
-    _set_up(campaign, positions, page)
+        _score(result, page)
+    _set_up(result, positions, page)
     page.add("## Positions")
     page.table(
         ["position", "line of sight", "TX to RX [m]", "MPCs", "on reflectors", "strongest [ns]", "azimuth [degree]",
@@ -54,13 +54,13 @@ def tell(campaign: "Campaign", result: "Result", page: Page) -> None:
         [position.row for position in positions],
     )  # fmt: skip
     for position in positions:
-        _one(position, result, page)
+        _position_section(position, result, page)
 
 
 class _Position:
-    """A product as the page tells of it."""
+    """What the page shows of a product."""
 
-    def __init__(self, product: Path, root: xr.Dataset, result: "Result") -> None:
+    def __init__(self, product: Path, root: xr.Dataset, result: "CampaignResult") -> None:
         self.product, self.attributes = product, root.attrs
         self.name = str(root["position"].item())
         self.tx, self.rx = (root[f"{end}_position"].values[0] for end in ("tx", "rx"))
@@ -73,50 +73,45 @@ class _Position:
         strongest: list[object] = [None] * 3
         if self.table.sizes["mpc"]:
             first = self.table.isel(mpc=0)
-            places = {"delay": (1e9, 2), "azimuth": (1, 1), "path_gain": (1, 1)}
-            strongest = [f"{float(first[name]) * scale:.{digits}f}" for name, (scale, digits) in places.items()]
-        told = [
+            formats = {"delay": (1e9, 2), "azimuth": (1, 1), "path_gain": (1, 1)}
+            strongest = [f"{float(first[name]) * scale:.{digits}f}" for name, (scale, digits) in formats.items()]
+        remarks = [
             counted(len(lines), kind) for lines, kind in ((self.failures, "failure"), (self.notes, "note")) if lines
         ]
         return [
-            f"[{_text(self.name)}](#{_anchor(self.name)})",
-            {1: "yes", 0: "no"}.get(int(self.attributes["los"]), "not known"),
+            f"[{_link_text(self.name)}](#{_anchor(self.name)})",
+            line_of_sight(int(self.attributes["los"])),
             f"{np.linalg.norm(self.tx - self.rx):.2f}",
             int(self.table.sizes["mpc"]),
             int(np.sum(self.located["wall"].values >= 0)),
             *strongest,
             int(self.attributes["missing_directions"]),
             int(self.attributes["problem_directions"]),
-            ", ".join(told),
+            ", ".join(remarks),
         ]
 
 
-def _opening(campaign: "Campaign", result: "Result") -> str:
-    kind = result.environment.reflectors["kind"].values
-    found = f"{counted(int(np.sum(kind == 'wall')), 'wall')} and {counted(int(np.sum(kind == 'pole')), 'pole')}"
-    used = int(result.located["accepted"].sum())
-    files = ["mpcs.csv", *(f"map.{suffix}" for suffix in campaign.map.formats), "reflection-points.csv"]
+def _overview(result: "CampaignResult") -> str:
+    files = [TABLE, *(f"map.{suffix}" for suffix in result.campaign.map.formats), POINTS]
     links = ", ".join(f"[{name}]({name})" for name in files)
-    made = f"Made by `sounder run` ({SOFTWARE}) from `{campaign.source.name}`."
     return (
-        f"{counted(len(result.products), 'position')} and {counted(result.table.sizes['mpc'], 'MPC')}; {found} from "
-        f"{used} of these. {made} Beside this page: {links}; the products of all positions are in `products`. Errors "
-        "after ± are one standard deviation."
+        f"{counted(len(result.products), 'position')} and {counted(result.table.sizes['mpc'], 'MPC')}; "
+        f"{result.reflectors}. Made by `sounder run` ({SOFTWARE}) from `{result.campaign.source.name}`. "
+        f"Files: {links}; the products of all positions are in `{PRODUCTS}`. Errors after ± are one standard deviation."
     )
 
 
-def _walls(campaign: "Campaign", result: "Result", page: Page) -> None:
+def _reflectors(result: "CampaignResult", page: Page) -> None:
     located = result.located.attrs
     if "delay_std" in located:
         page.add(
-            f"Typical errors of an MPC: {located['delay_std'] * 1e9:.2g} ns and {located['azimuth_std']:.2g} degrees; "
-            f"from {located['errors_from']} and the residuals."
+            f"Typical standard errors of an MPC: {located['delay_std'] * 1e9:.2g} ns and "
+            f"{located['azimuth_std']:.2g} degrees; from {located['errors_from']} and the residuals."
         )
     table = result.environment.reflectors
     if not table.sizes["reflector"]:
-        page.add(
-            f"No reflector was found. A wall needs MPCs of {campaign.map.min_support} or more antenna pairs that agree."
-        )
+        pairs = result.campaign.map.min_support
+        page.add(f"No reflector was found. A wall needs MPCs of {pairs} or more antenna pairs that share it.")
     else:
         page.table(
             ["reflector", "kind", "normal [degree]", "offset [m]", "from [m]", "to [m]", "length [m]", "top [m]",
@@ -124,8 +119,8 @@ def _walls(campaign: "Campaign", result: "Result", page: Page) -> None:
             [_reflector(table.isel(reflector=i), i) for i in range(table.sizes["reflector"])],
         )  # fmt: skip
     counts = count_reasons(result.located["reason"].values.tolist())
-    page.add("What became of the MPCs:")
-    page.table(["MPCs", ""], [(count, reason.text) for reason, count in counts.items()])
+    page.add("Use of the MPCs:")
+    page.table(["MPCs", "use"], [(count, reason.text) for reason, count in counts.items()])
 
 
 def _reflector(one: xr.Dataset, number: int) -> list[object]:
@@ -150,27 +145,27 @@ def _reflector(one: xr.Dataset, number: int) -> list[object]:
     ]
 
 
-def _score(campaign: "Campaign", result: "Result", page: Page) -> None:
-    walls, points = result.score["walls"], result.score["points"]
-    judge = campaign.map.outline.name if campaign.map.outline else ""
-    page.add(f"## Score\n\nAgainst the outline in `{judge}`.")
+def _score(result: "CampaignResult", page: Page) -> None:
+    walls, points, outline = result.score["walls"], result.score["points"], result.campaign.map.outline
+    page.add(f"## Score\n\nCompared with the outline `{outline.name if outline else ''}`.")
     rows: list[list[object]] = [
         ["walls on the map", walls["walls"]],
-        ["of them where no face stands", walls["false"]],
-        ["length of walls that lies on a face [%]", 100 * walls["correctness"]],
+        ["false walls, where the outline has no face", walls["false"]],
+        ["length of walls on a face [%]", 100 * walls["correctness"]],
         ["offset of walls, RMSE [m]", walls["offset_error"]["rmse"]],
         ["angle of walls, RMSE [degree]", walls["angle_error"]["rmse"]],
-        ["RPs of MPCs by themselves, perpendicular RMSE [m]", points["single"]["perpendicular"]["rmse"]],
-        ["RPs on their walls, perpendicular RMSE [m]", points["merged"]["perpendicular"]["rmse"]],
+        ["RPs of single MPCs, perpendicular RMSE [m]", points["single"]["perpendicular"]["rmse"]],
+        ["RPs on walls, perpendicular RMSE [m]", points["merged"]["perpendicular"]["rmse"]],
     ]
-    page.table(["", "result"], rows)
+    page.table(["score", "value"], rows)
     page.table(
         ["seen by receivers", "outline [m]", "with a wall [%]"],
         [[f"{seen.receivers} or more", f"{seen.length:.0f}", 100 * seen.share] for seen in result.score["visible"]],
     )
 
 
-def _set_up(campaign: "Campaign", positions: list[_Position], page: Page) -> None:
+def _set_up(result: "CampaignResult", positions: list[_Position], page: Page) -> None:
+    campaign = result.campaign
     page.add("## Set-up")
     places = {tuple((np.round(position.tx, 3) + 0.0).tolist()) for position in positions}  # + 0: no -0
     rows: list[tuple[str, str]] = []
@@ -195,28 +190,28 @@ def _set_up(campaign: "Campaign", positions: list[_Position], page: Page) -> Non
     page.table(["what", "value"], rows)
 
 
-def _one(position: _Position, result: "Result", page: Page) -> None:
+def _position_section(position: _Position, result: "CampaignResult", page: Page) -> None:
     page.add(f"### {position.name}")
-    said = [f"**{line}**" for line in position.failures] + position.notes
-    if said:
-        page.add(_listed(said))
+    remarks = [f"**{line}**" for line in position.failures] + position.notes
+    if remarks:
+        page.add(_list(remarks))
     if position.product in result.figures:
         kinds = ("DAPS in polar form", "DAPS and MPCs", "PDP")
         drawn = zip(result.figures[position.product], kinds, strict=True)
-        page.add("\n".join(_shown(path, result.out, f"{kind} of {_text(position.name)}") for path, kind in drawn))
+        page.add("\n".join(_image(path, result.out, f"{kind} of {_link_text(position.name)}") for path, kind in drawn))
     count = position.table.sizes["mpc"]
     if not count:
-        page.add("No MPC.")
+        page.add("No MPCs.")
         return
-    if count > SHOWN:
-        page.add(f"The strongest {SHOWN} of {count} MPCs:")
+    if count > MAX_SHOWN_MPCS:
+        page.add(f"The strongest {MAX_SHOWN_MPCS} of {count} MPCs:")
     page.table(
-        ["delay [ns]", "azimuth [degree]", "elevation [degree]", "path gain [dB]", "reflector, or why none"],
-        [_component(position.table, position.located, row) for row in range(min(count, SHOWN))],
+        ["delay [ns]", "azimuth [degree]", "elevation [degree]", "path gain [dB]", "reflector or reason"],
+        [_mpc_row(position.table, position.located, row) for row in range(min(count, MAX_SHOWN_MPCS))],
     )
 
 
-def _component(table: xr.Dataset, located: xr.Dataset, row: int) -> list[object]:
+def _mpc_row(table: xr.Dataset, located: xr.Dataset, row: int) -> list[object]:
     scales = {"delay": 1e9, "azimuth": 1.0, "elevation": 1.0, "path_gain": 1.0}
     values = [
         with_error(float(table[name].values[row]) * scale, float(table[f"{name}_std"].values[row]) * scale)
@@ -227,7 +222,7 @@ def _component(table: xr.Dataset, located: xr.Dataset, row: int) -> list[object]
 
 
 def with_error(value: float, std: float) -> str:
-    """A value and its standard deviation, both to the second digit of the latter; what is not known as a dash."""
+    """Write a value and its standard deviation to the second digit of the latter; a dash if the value is not known."""
     if not np.isfinite(value):
         return cell(None)
     if not (np.isfinite(std) and std > 0):
@@ -240,25 +235,25 @@ def _options(options: dict[str, Any]) -> str:
     return ", ".join(f"{name} {cell(value)}" for name, value in options.items() if value is not None)
 
 
-def _listed(lines: Iterable[str]) -> str:
+def _list(lines: Iterable[str]) -> str:
     return "\n".join(f"- {line}" for line in lines)
 
 
-def _shown(path: Path, out: Path, text: str) -> str:
+def _image(path: Path, out: Path, text: str) -> str:
     link = f"[{text}]({path.relative_to(out).as_posix()})"
-    return f"!{link}" if path.suffix in SEEN else link
+    return f"!{link}" if path.suffix in IMAGES else link
 
 
-def _local(line: str, campaign: "Campaign") -> str:
-    """A line with files named from the folder of the campaign, in which Markdown finds nothing to emphasise."""
-    return line.replace(f"{campaign.source.parent}{os.sep}", "").replace("*", r"\*")
+def _relative(line: str, folder: Path) -> str:
+    """A line with files named relative to a folder, and ``*`` escaped."""
+    return line.replace(f"{folder}{os.sep}", "").replace("*", r"\*")
 
 
-def _text(name: str) -> str:
-    """A name within the brackets of a link."""
+def _link_text(name: str) -> str:
+    """A name in the brackets of a link."""
     return name.replace("[", r"\[").replace("]", r"\]")
 
 
 def _anchor(name: str) -> str:
-    """Anchor that viewers of Markdown give the heading of a position."""
+    """Anchor of the heading of a position."""
     return "".join(one for one in name.lower().replace(" ", "-") if one.isalnum() or one in "-_")

@@ -1,46 +1,57 @@
-"""What was made of a campaign, from its products to its map and its score."""
+"""Result of a campaign: products, MPC table, map and score."""
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 from numpy.typing import NDArray
 
+from erm.common.console import counted
 from erm.maps.environment import Environment
+from erm.reconstruction.summary import left_out
+
+if TYPE_CHECKING:
+    from sounder.campaign.description import Campaign
+
+PRODUCTS, FIGURES, TABLE, POINTS, REPORT = "products", "figures", "mpcs.csv", "reflection-points.csv", "report.md"
+"""Names of files and folders in the folder of a campaign."""
 
 
 @dataclass
-class Result:
-    """What was made of a campaign.
+class CampaignResult:
+    """Result of a campaign.
 
     Attributes
     ----------
+    campaign : Campaign
     out : Path
-        Folder of all that was made.
+        Folder of all files.
     positions : int
         Positions of the campaign that could be opened.
     products : dict of Path to xarray.Dataset
-        Products and their root groups, one a position, in the order of the campaign.
+        Products and their root groups, one for each position, in the order of the campaign.
     already : int
-        How many of them were there and were not made again.
-    table, located : xarray.Dataset
-        MPCs of all positions as measured; and as :func:`erm.reconstruction.reconstruct.reconstruct` returns them.
+        Number of the products that existed and were kept.
+    table : xarray.Dataset
+        MPCs of all positions, as measured.
+    located : xarray.Dataset
+        The same, as :func:`erm.reconstruct` returns them.
     environment : Environment
         The map.
     outline : array (segment, 2 ends, 2) or None
-        Faces to judge the map by [m].
+        Known faces for the score [m].
     score : dict
-        What the outline says of the map; empty without one.
-    map_figure : Path
+        Result of `erm.evaluation.evaluate_map`; empty without an outline.
     figures : dict of Path to list of Path
         Figures of positions, by their product.
     failures, notes : list of str
         One line each.
     """
 
+    campaign: "Campaign"
     out: Path
-    map_figure: Path
     positions: int
     products: dict[Path, xr.Dataset]
     already: int
@@ -52,3 +63,33 @@ class Result:
     figures: dict[Path, list[Path]] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def map_figure(self) -> Path:
+        """File of the figure of the map."""
+        return map_figure(self.campaign, self.out)
+
+    @property
+    def reflectors(self) -> str:
+        """Number of walls and poles of the map, and of the MPCs that support them, in words."""
+        kind = self.environment.reflectors["kind"].values
+        found = " and ".join(counted(int((kind == name).sum()), name) for name in ("wall", "pole"))
+        used, measured = int(self.located["accepted"].sum()), counted(self.table.sizes["mpc"], "MPC")
+        return f"{found} from {used} of {measured}"
+
+    @property
+    def summary(self) -> list[str]:
+        """Lines about products, map and report."""
+        folder = Path(os.path.normpath(self.out))  # to read, not to open: with links it may be another folder
+        products = counted(len(self.products), "product")
+        return [
+            f"{folder}: {products}; {self.already} of {counted(self.positions, 'position')} kept from an earlier run",
+            f"map: {self.reflectors}",
+            *left_out(self.located, self.campaign.map.min_support),
+            f"report: {folder / REPORT}",
+        ]
+
+
+def map_figure(campaign: "Campaign", out: Path) -> Path:
+    """File of the figure of the map."""
+    return out / FIGURES / f"map.{campaign.figures.format}"

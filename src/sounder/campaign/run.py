@@ -1,4 +1,4 @@
-"""A campaign: from its recordings to products, table, map, figures and report, without what is there already."""
+"""Run of a campaign: from its recordings to products, MPC table, map, figures and report."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,51 +14,58 @@ from erm.common.errors import DataError
 from erm.common.optional import require_library
 from erm.common.outputs import protect_inputs, require_folder
 from erm.common.page import Page
-from erm.common.storage import clear_leftovers, open_group, provenance
-from erm.evaluation.completeness import Completeness, completeness, receivers_of
-from erm.evaluation.outline import evaluate_mpcs, evaluate_walls
+from erm.common.storage import clear_leftovers, open_group
+from erm.evaluation.evaluate_map import evaluate_map
 from erm.figures import plot_map
 from erm.maps.environment import Environment
 from erm.maps.formats import require_format, write_map
 from erm.maps.outline import known_faces
 from erm.mpcs.files import read_mpcs, write_mpcs
 from erm.mpcs.reflection_points import write_reflection_points
-from erm.mpcs.selection import select
 from erm.reconstruction.extend import with_images
-from erm.reconstruction.reconstruct import reconstruct
-from sounder.campaign.description import Campaign
-from sounder.campaign.page import tell
-from sounder.campaign.result import Result
-from sounder.figures.files import draw_product, drawn_before, figure_paths
+from erm.reconstruction.make_map import make_map
+from sounder.campaign.description import Campaign, load_campaign
+from sounder.campaign.page import fill_page
+from sounder.campaign.result import FIGURES, POINTS, PRODUCTS, REPORT, TABLE, CampaignResult, map_figure
+from sounder.figures.files import draw_product, figure_paths, is_up_to_date
 from sounder.processing.pipeline import process
 
-PRODUCTS, FIGURES, TABLE, POINTS, REPORT = "products", "figures", "mpcs.csv", "reflection-points.csv", "report.md"
 
+def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None) -> CampaignResult:
+    """Make products, MPC table, map, figures and report of a campaign.
 
-def run_campaign(campaign: Campaign, out: Path) -> Result:
-    """Make everything that comes of a campaign.
-
-    Products and figures that are there and would be made the same are not made again; table, map and report, which take
-    seconds, are. Products in the folder that are not of this campaign are not used.
+    Products and figures that exist and would be made the same again are kept. Table, map and report, which take
+    seconds, are always made again. Products in the folder that do not belong to the campaign are not used.
 
     Parameters
     ----------
-    campaign : Campaign
-        From :func:`sounder.campaign.description.load_campaign`.
-    out : Path
-        Folder for all that is made.
+    campaign : Campaign or path
+        From :func:`sounder.load_campaign`, or its file.
+    out : path, optional
+        Folder for all files. Default: that of the campaign.
 
     Raises
     ------
     DataError
-        Nothing could be processed: a line for each thing that is wrong; or the folder cannot be written to.
+        No position could be processed (with a line for each problem), or the folder cannot be written to.
+
+    Examples
+    --------
+    >>> import sounder
+    >>> sounder.run_campaign("absent.toml")
+    Traceback (most recent call last):
+    erm.common.errors.DataError: absent.toml: No such file or directory; expected a TOML file
     """
-    outline = _ready(campaign, out)
+    if not isinstance(campaign, Campaign):
+        campaign = load_campaign(campaign)
+    out = campaign.out if out is None else Path(out)
+    outline = _check_outputs(campaign, out)
     jobs, failures = campaign.jobs(out)
-    protect_inputs(outputs(campaign, out), {*campaign.named, *(job.recording.source for job in jobs)})
+    outputs = _outputs(campaign, out)
+    protect_inputs(outputs, {*campaign.inputs, *(job.recording.source for job in jobs)})
     page = Page(out, REPORT)
     page.remove_outdated()
-    for path in outputs(campaign, out):
+    for path in outputs:
         clear_leftovers(path)
     asked = campaign.processing
     with console.progress("processing positions", len(jobs)) as advance:
@@ -75,15 +82,15 @@ def run_campaign(campaign: Campaign, out: Path) -> Result:
     failures += outcome.failures
     if not outcome.products:
         raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
-    table, complaints = read_mpcs(outcome.products)
+    table, problems = read_mpcs(outcome.products)
     write_mpcs(table, out / TABLE)
-    environment, located = chart(campaign, table, outcome.products)
+    environment, located = _make_map(campaign, table, outcome.products)
     for suffix in campaign.map.formats:
         write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located))
     write_reflection_points(located, out / POINTS)
-    result = Result(
+    result = CampaignResult(
+        campaign,
         out,
-        map_figure(campaign, out),
         len(jobs),
         {product: open_group(product) for product in outcome.products},
         outcome.already,
@@ -94,105 +101,78 @@ def run_campaign(campaign: Campaign, out: Path) -> Result:
         notes=outcome.notes,
     )
     if outline is not None:
-        result.score = judged(result, outline)
-    result.failures = [*failures, *complaints, *_draw(campaign, result)]
-    tell(campaign, result, page)
+        result.score = evaluate_map(environment, outline, (environment, located))
+    result.failures = [*failures, *problems, *_draw(result)]
+    fill_page(result, page)
     page.write()
     return result
 
 
-def outputs(campaign: Campaign, out: Path) -> list[Path]:
-    """Files that are made beside products and the figures of positions."""
+def _outputs(campaign: Campaign, out: Path) -> list[Path]:
+    """Files that are made besides products and figures of positions."""
     maps = [f"map.{suffix}" for suffix in campaign.map.formats]
     return [map_figure(campaign, out), *(out / name for name in (TABLE, POINTS, REPORT, *maps))]
 
 
-def map_figure(campaign: Campaign, out: Path) -> Path:
-    """File of the figure of the map."""
-    return out / FIGURES / f"map.{campaign.figures.format}"
-
-
-def _ready(campaign: Campaign, out: Path) -> NDArray[Any] | None:
-    """Refuse at once what would fail at last; return the faces to judge the map by."""
+def _check_outputs(campaign: Campaign, out: Path) -> NDArray[Any] | None:
+    """Refuse at the start what would fail at the end; return the known faces for the score."""
     require_folder(out)
-    place = campaign.map.georeference
-    if place is not None:
+    georeference = campaign.map.georeference
+    if georeference is not None:
         require_library("pyproj", "gis", f"{campaign.source}: map.origin", "leave it out")
     for suffix in campaign.map.formats:
         require_format(out / f"map.{suffix}")
     outline = campaign.map.outline
-    return None if outline is None else known_faces(outline, georeference=place)
+    return None if outline is None else known_faces(outline, georeference=georeference)
 
 
-def chart(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -> tuple[Environment, xr.Dataset]:
-    """Reconstruct the map from an MPC table; it is placed on earth where the campaign says so."""
+def _make_map(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -> tuple[Environment, xr.Dataset]:
+    """Reconstruct the map by the options of the campaign, and georeference it."""
     asked = campaign.map
-    selected = select(
+    environment, located = make_map(
         table,
+        history="sounder run",
+        inputs=products,
         threshold=asked.threshold,
         max_reflection_loss=asked.max_loss,
+        min_support=asked.min_support,
         ground_height=asked.ground,
         rx_std=asked.rx_std,
     )
-    environment, located = reconstruct(selected, min_support=asked.min_support)
-    options = {"threshold": asked.threshold, "max_reflection_loss": asked.max_loss, "ground_height": asked.ground}
-    options |= {"min_support": asked.min_support, "rx_std": asked.rx_std}
-    origin = provenance("Reconstructed environment", "sounder run", inputs=products, options=options)
-    environment.reflectors.attrs.update(origin)
     return replace(environment, georeference=asked.georeference), located
 
 
-def judged(result: Result, outline: NDArray[Any]) -> dict[str, Any]:
-    """What an outline says of the map.
-
-    Returns
-    -------
-    dict
-        ``walls`` of :func:`erm.evaluation.outline.evaluate_walls`, ``points`` of
-        :func:`erm.evaluation.outline.evaluate_mpcs` and ``visible`` of
-        :func:`erm.evaluation.completeness.completeness`.
-    """
-    seen: list[Completeness] = []
-    if result.table.sizes["mpc"]:
-        seen = completeness(result.environment, outline, receivers_of(result.table))
-    return {
-        "walls": evaluate_walls(result.environment, outline),
-        "points": evaluate_mpcs(result.located, result.environment, outline),
-        "visible": seen,
-    }
-
-
-def _draw(campaign: Campaign, result: Result) -> list[str]:
-    """Draw the map and the positions that are wanted; return what failed."""
+def _draw(result: CampaignResult) -> list[str]:
+    """Draw the map, and the positions that the campaign lists; return failures."""
+    figures, source = result.campaign.figures, result.campaign.source
     names = {product: str(root["position"].item()) for product, root in result.products.items()}
-    wanted = [product for product, name in names.items() if campaign.figures.wanted(name)]
+    wanted = [product for product, name in names.items() if figures.wanted(name)]
     failures = []
     with console.progress("drawing", len(wanted) + 1) as advance:
         _draw_map(result)
         advance()
         for product in wanted:
             try:
-                result.figures[product] = _drawn(product, result.out / FIGURES, campaign.figures.format)
+                result.figures[product] = _draw_position(product, result.out / FIGURES, figures.format)
             except DataError as error:
                 failures.append(str(error))
             advance()
-    if isinstance(campaign.figures.positions, tuple):
-        unknown = [name for name in campaign.figures.positions if name not in names.values()]
-        asked = f"{campaign.source}: figures.positions"
-        failures += [f"{asked}: {name} is no position that was processed" for name in unknown]
+    if isinstance(figures.positions, tuple):
+        unknown = [name for name in figures.positions if name not in names.values()]
+        failures += [f"{source}: figures.positions: {name} is not a processed position" for name in unknown]
     return failures
 
 
-def _draw_map(result: Result) -> None:
+def _draw_map(result: CampaignResult) -> None:
     axes = Figure(figsize=(7.0, 6.0), layout="constrained").add_subplot()
     numbers = [str(i) for i in range(result.environment.reflectors.sizes["reflector"])]
     plot_map(result.environment, table=result.located, outline=result.outline, names=numbers, ax=axes)
     console.save_figure(axes, result.map_figure)
 
 
-def _drawn(product: Path, out: Path, suffix: str) -> list[Path]:
-    """Figures of a product, drawn unless they were."""
-    there = figure_paths(product, out, suffix=suffix)
-    for path in there:
+def _draw_position(product: Path, out: Path, suffix: str) -> list[Path]:
+    """Figures of a product; those that are up to date are kept."""
+    paths = figure_paths(product, out, suffix=suffix)
+    for path in paths:
         clear_leftovers(path)
-    return there if drawn_before(product, there) else draw_product(product, out, suffix=suffix)
+    return paths if is_up_to_date(paths, product) else draw_product(product, out, suffix=suffix)

@@ -52,8 +52,8 @@ def figure_paths(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
     return [out / f"{product.stem}_{kind}.{suffix}" for kind in KINDS]
 
 
-def drawn_before(product: Path, paths: Sequence[Path]) -> bool:
-    """Whether all figures are there and younger than their product, so that they show what it holds now."""
+def is_up_to_date(paths: Sequence[Path], product: Path) -> bool:
+    """Whether all figures exist and are newer than their product."""
     made = product.stat().st_mtime_ns
     return all(path.is_file() and path.stat().st_mtime_ns > made for path in paths)
 

@@ -49,4 +49,4 @@ def test_captures_become_a_map(part, tmp_path, capsys):
     told = dict(line.split("\t") for line in printed.out.splitlines() if "\t" in line)
     assert told["positions"] == "6"
     assert told["RP perpendicular error, RMSE"] == f"{score['rmse']:.3f} m"
-    assert told["the same MPCs by the letter's planar equations"] == f"{score['planar_rmse']:.3f} m"
+    assert told["the same by the planar equations of the letter"] == f"{score['planar_rmse']:.3f} m"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from erm.common.storage import open_group
-from sounder.figures.files import drawn_before
+from sounder.figures.files import is_up_to_date
 from sounder.processing import pipeline
 from sounder.processing.jobs import gather
 
@@ -109,7 +109,7 @@ def test_the_report_tells_of_every_position_wall_and_error(made):
         assert offset == pytest.approx(walls["offset"].values[number], abs=error)
         assert error == pytest.approx(np.sqrt(walls["offset_variance"].values[number]), rel=0.06)
     # the truth is a room of four walls, and what is found stands on them
-    assert f"| walls on the map | {len(rows)} |\n| of them where no face stands | 0 |" in text
+    assert f"| walls on the map | {len(rows)} |\n| false walls, where the outline has no face | 0 |" in text
 
 
 def test_what_is_there_is_not_made_again(made, capsys):
@@ -118,7 +118,7 @@ def test_what_is_there_is_not_made_again(made, capsys):
     whole = digest(out)
     before["figures"].pop("map.png")  # follows from the table in a second, and is made again
     assert run("run", made / "street.toml") == 0
-    assert f"{out}: 2 products; 2 of 2 positions were there already\n" in capsys.readouterr().out
+    assert f"{out}: 2 products; 2 of 2 positions kept from an earlier run\n" in capsys.readouterr().out
     after = {folder: stamps(out / folder) for folder in ("products", "figures")}
     after["figures"].pop("map.png")
     assert after == before
@@ -132,9 +132,9 @@ def test_a_figure_that_is_not_younger_than_its_product_is_drawn_again(made, tmp_
     for times, drawn in (((10, 11, 12), True), ((10, 11, 10), False), ((12, 11, 13), False)):
         for path, time in zip((product, *figures), times, strict=True):
             os.utime(path, (time, time))
-        assert drawn_before(product, figures) == drawn
+        assert is_up_to_date(figures, product) == drawn
     figures[0].unlink()
-    assert not drawn_before(product, figures)
+    assert not is_up_to_date(figures, product)
 
 
 def test_products_of_sounder_process_are_gone_on_from(written, copied, capsys):
@@ -142,7 +142,7 @@ def test_products_of_sounder_process_are_gone_on_from(written, copied, capsys):
     assert run(*arguments, "--out", copied / "elsewhere" / "products") == 0
     before = stamps(copied / "elsewhere" / "products")
     assert run("run", written(), "--out", copied / "elsewhere") == 0
-    assert "2 products; 1 of 2 positions were there already" in capsys.readouterr().out
+    assert "2 products; 1 of 2 positions kept from an earlier run" in capsys.readouterr().out
     assert before.items() <= stamps(copied / "elsewhere" / "products").items()
 
 
@@ -151,7 +151,7 @@ def test_an_option_that_changed_makes_products_anew(written, copied, capsys):
 
     def again(*replaced: tuple[str, str]) -> str:
         assert run("run", written(*replaced)) == 0
-        return re.search(r"(\d of \d) positions were", capsys.readouterr().out)[1]
+        return re.search(r"(\d of \d) positions kept", capsys.readouterr().out)[1]
 
     assert again() == "0 of 2"
     before = stamps(products)
@@ -193,7 +193,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(made, copied, monkeypatch,
         path.write_text("half")
     capsys.readouterr()
     assert run("run", copied / "street.toml") == 0
-    assert "2 products; 1 of 2 positions were there already" in capsys.readouterr().out
+    assert "2 products; 1 of 2 positions kept from an earlier run" in capsys.readouterr().out
     assert digest(copied / "street") == digest(made / "street")
 
 
@@ -205,7 +205,7 @@ def test_a_position_that_fails_is_named_and_the_rest_is_done(written, copied, ca
     for already in (0, 2):  # what is wrong with a product that is there is told again
         assert run("run", written()) == 1
         printed = capsys.readouterr()
-        assert f"2 products; {already} of 2 positions were there already" in printed.out
+        assert f"2 products; {already} of 2 positions kept from an earlier run" in printed.out
         said.append((printed.err, (copied / "street" / "report.md").read_bytes()))
     assert said[0] == said[1]
     broken, zero = said[0][0].splitlines()
@@ -226,7 +226,7 @@ def test_products_that_are_not_of_the_campaign_are_left_and_not_used(written, co
     before = stamps(copied / "street" / "products")
     capsys.readouterr()
     assert run("run", written(('"*.h5"', '"RX1.h5"'))) == 0
-    assert "1 product; 1 of 1 position were there already" in capsys.readouterr().out
+    assert "1 product; 1 of 1 position kept from an earlier run" in capsys.readouterr().out
     assert stamps(copied / "street" / "products") == before
     rows = (copied / "street" / "mpcs.csv").read_text().splitlines()[1:]
     assert {row.partition(",")[0] for row in rows} == {"RX1"}
@@ -273,7 +273,7 @@ def test_formats_of_map_and_figures_and_the_place_on_earth(written, copied, caps
     place = 'min_support = 2\norigin = [48.1, 11.5, 520.0]\nheading = 30.0\nformats = ["geojson", "csv"]'
     figures = 'positions = ["RX9"]\nformat = "pdf"'
     assert run("run", written(("min_support = 2", place), ('positions = "none"', figures))) == 1
-    told = f"{copied / 'street.toml'}: figures.positions: RX9 is no position that was processed\n"
+    told = f"{copied / 'street.toml'}: figures.positions: RX9 is not a processed position\n"
     assert capsys.readouterr().err == told
     out = copied / "street"
     assert names(out / "figures") == ["map.pdf"]
@@ -295,4 +295,4 @@ def test_a_campaign_of_noise_gives_an_empty_map(written, copied, capsys):
     assert "map: 0 walls and 0 poles from 0 of 0 MPCs" in capsys.readouterr().out
     text = (copied / "street" / "report.md").read_text(encoding="utf-8")
     assert "No reflector was found." in text
-    assert text.count("\nNo MPC.\n") == 2
+    assert text.count("\nNo MPCs.\n") == 2
