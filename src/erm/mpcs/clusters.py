@@ -1,4 +1,4 @@
-"""Which components of an antenna pair stand together in delay and azimuth."""
+"""Clusters: MPCs of one antenna pair that are near to each other in delay and azimuth."""
 
 from typing import TYPE_CHECKING
 
@@ -16,30 +16,40 @@ BoolArray = npt.NDArray[np.bool_]
 def clusters(
     table: "xr.Dataset", link: npt.NDArray[np.int64], *, delay_window: float, azimuth_window: float
 ) -> tuple[npt.NDArray[np.int64], BoolArray]:
-    """Group the components of each link around its strongest ones.
+    """Group the MPCs of each link around the strongest ones.
 
-    The strongest component left over claims all that lie within an ellipse about it in the plane of delay
-    and azimuth (circular), until none is left. Diffuse tails and sidelobes thus fall to the specular path
-    that causes them.
+    The strongest remaining MPC and all others within an ellipse around it in delay and (circular) azimuth become one
+    cluster, until none remains. Diffuse tails and sidelobes thus join the specular path that causes them.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table (`erm.make_table`).
+    link : array (mpc,) of int
+        Antenna pair of each MPC.
+    delay_window, azimuth_window : float
+        Half axes of the ellipse [s], [degree].
 
     Returns
     -------
     cluster : array (mpc,) of int
+        Number of the cluster.
     strongest : array (mpc,) of bool
+        Whether the MPC is the strongest of its cluster.
     """
     delay, azimuth, gain = (table[name].values for name in ("delay", "azimuth", "path_gain"))
     strongest = np.zeros(len(delay), dtype=bool)
     round_of = np.zeros(len(delay), dtype=np.int64)
-    left = np.lexsort((azimuth, delay, -gain, link))
+    remaining = np.lexsort((azimuth, delay, -gain, link))
     rounds = 0
-    while len(left):  # all links at once: the strongest left of each claims its cluster
-        first = np.r_[True, np.diff(link[left]) != 0]
-        head = left[first][np.cumsum(first) - 1]
-        strongest[left[first]] = True
-        apart = ((delay[left] - delay[head]) / delay_window) ** 2
-        apart += (angle_difference(azimuth[left], azimuth[head]) / azimuth_window) ** 2
-        round_of[left[apart <= 1]] = rounds
-        left = left[apart > 1]
+    while len(remaining):  # one cluster of each link at once
+        first = np.r_[True, np.diff(link[remaining]) != 0]
+        head = remaining[first][np.cumsum(first) - 1]
+        strongest[remaining[first]] = True
+        squared_distance = ((delay[remaining] - delay[head]) / delay_window) ** 2
+        squared_distance += (angle_difference(azimuth[remaining], azimuth[head]) / azimuth_window) ** 2
+        round_of[remaining[squared_distance <= 1]] = rounds
+        remaining = remaining[squared_distance > 1]
         rounds += 1
     numbers = np.unique(link * max(rounds, 1) + round_of, return_inverse=True)[1]
     return numbers.ravel(), strongest

@@ -1,7 +1,7 @@
-"""Elevations that geometry tells where a scan cannot, and what gains are measured given them.
+"""Elevations from geometry, and path gains at these elevations.
 
-A horn that looks past a path measures how far down its lobe the path arrives only if it knows the elevation. Elevation
-and gain of what arrives beyond the fan of a scan are thus uncertain together: whoever learns the one knows the other.
+An MPC outside the elevations of a scan is received on the side of the antenna's lobe. Its elevation and its gain are
+then uncertain together: if the elevation is known from geometry, the gain is known better, too.
 """
 
 from typing import TYPE_CHECKING
@@ -14,82 +14,85 @@ from erm.mpcs.table import free_space_gain, path_length
 if TYPE_CHECKING:
     import xarray as xr
 
-ALLOWED = 3.0  # standard errors; what is further off did not arrive from there
-LOBE = 0.1  # of the step in dB; a beamwidth that is wrong by 5 % makes as much
+MAX_DEVIATION = 3.0
+"""Largest deviation of the measured elevation from the assumed one [standard errors]."""
+PATTERN_ERROR = 0.1
+"""Error of a change of gain, relative to the change in dB: that of a beamwidth that is wrong by 5 %."""
 
 
-def of_vertical_faces(table: "xr.Dataset") -> FloatArray:
-    """Elevation (mpc,) of paths that met vertical faces only, or none: ``sin e = (z_tx - z_rx) / L`` [degree]."""
+def vertical_face_elevation(table: "xr.Dataset") -> FloatArray:
+    """Elevation (mpc,) of direct paths and reflections off vertical faces: ``sin e = (z_tx - z_rx) / L`` [degree]."""
     climb = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
     return np.asarray(np.rad2deg(np.arcsin(np.clip(climb / path_length(table), -1, 1))))
 
 
-def off_the_ground(table: "xr.Dataset", ground_height: float = 0.0) -> FloatArray:
-    """Elevation (mpc,) of paths that met the ground once, and else vertical faces only [degree].
+def ground_reflection_elevation(table: "xr.Dataset", ground_height: float = 0.0) -> FloatArray:
+    """Elevation (mpc,) of paths with one reflection off the ground and any off vertical faces [degree].
 
-    ``sin e = -(z_tx + z_rx - 2 z_ground) / L``: their image is as far under the ground as the transmitter is over it.
+    ``sin e = -(z_tx + z_rx - 2 z_ground) / L``: the image is as far below the ground as the transmitter is above it.
     """
     climb = table["tx_position"].values[:, 2] + table["rx_position"].values[:, 2] - 2 * ground_height
     return np.asarray(-np.rad2deg(np.arcsin(np.clip(climb / path_length(table), -1, 1))))
 
 
 def implied_gain(table: "xr.Dataset", ground_height: float = 0.0) -> tuple[FloatArray, FloatArray]:
-    """Path gains given the elevation that each path's own length and the antennas' heights imply.
+    """Path gains at the elevation that path length and antenna heights imply.
 
-    Without a ceiling its image is as high as the transmitter, or as far below the ground. Of the two elevations that is
-    taken which is fewer standard errors from the measured one and makes no path stronger than free space.
+    Without a ceiling, the image of the transmitter is at its height, or mirrored in the ground. Of the two elevations
+    the one nearest to the measured elevation, in standard errors, is used, if the gain is not above free space.
 
     Parameters
     ----------
     table : xarray.Dataset
-        MPC table (`erm.mpcs.table`).
+        MPC table (`erm.make_table`).
     ground_height : float
-        [m].
+        Height of the ground [m].
 
     Returns
     -------
     gain, std : array (mpc,)
-        [dB], as measured where neither is possible; see `gain_given`.
+        Gains and their standard errors [dB]; as measured where neither elevation is possible. See `gain_at_elevation`.
     """
     free = free_space_gain(path_length(table), table["frequency"].values)
     best = np.full(table.sizes["mpc"], np.inf)
     gain, std = table["path_gain"].values.copy(), table["path_gain_std"].values.copy()
-    for elevation in (of_vertical_faces(table), off_the_ground(table, ground_height)):
-        given, left = gain_given(table, elevation)
+    for elevation in (vertical_face_elevation(table), ground_reflection_elevation(table, ground_height)):
+        given, given_std = gain_at_elevation(table, elevation)
         with np.errstate(invalid="ignore", divide="ignore"):
-            away = np.abs(elevation - table["elevation"].values) / table["elevation_std"].values
-        better = (away < best) & ~(given - ALLOWED * left > free)
-        gain[better], std[better], best[better] = given[better], left[better], away[better]
+            deviation = np.abs(elevation - table["elevation"].values) / table["elevation_std"].values
+        better = (deviation < best) & ~(given - MAX_DEVIATION * given_std > free)
+        gain[better], std[better], best[better] = given[better], given_std[better], deviation[better]
     return gain, std
 
 
-def gain_given(table: "xr.Dataset", elevation: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Path gains as they are measured if the paths are known to arrive at an elevation.
+def gain_at_elevation(table: "xr.Dataset", elevation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Path gains if the paths arrive at known elevations.
 
-    With ``d`` what the elevation is above the measured one, the gain is ``P + p d + q d**2 / 2``, with the slope ``p``
-    and the curvature ``q`` that the antenna has there. The error of the elevation drops out of that of the gain, and
-    the antenna's comes in.
+    With ``d`` the known elevation minus the measured one, the gain is ``P + p d + q d**2 / 2``; ``p`` and ``q`` are
+    ``gain_slope`` and ``gain_curvature`` of the table. The error of the elevation no longer contributes to that of the
+    gain; the error of the antenna pattern does.
 
     Parameters
     ----------
     table : xarray.Dataset
-        MPC table (`erm.mpcs.table`).
+        MPC table (`erm.make_table`).
     elevation : array (mpc,)
-        [degree].
+        Known elevations [degree].
 
     Returns
     -------
     gain, std : array (mpc,)
-        [dB]. Those of the table where it has no slope, or says that the path did not arrive there.
+        Gains and their standard errors [dB]. They are those of the table where it has no slope, or where the known
+        elevation deviates from the measured one by more than `MAX_DEVIATION`.
     """
-    gain, std, doubt, slope, curvature = (
+    gain, std, elevation_std, slope, curvature = (
         table[name].values for name in ("path_gain", "path_gain_std", "elevation_std", "gain_slope", "gain_curvature")
     )
-    above = elevation - table["elevation"].values
-    step = slope * above + curvature * above**2 / 2
+    difference = elevation - table["elevation"].values
+    step = slope * difference + curvature * difference**2 / 2
     with np.errstate(invalid="ignore"):
-        known = np.isfinite(step) & (np.abs(above) <= ALLOWED * doubt)
-        away = np.where(above < 0, -doubt, doubt)
-        by_elevation = slope * away + curvature * away**2 / 2
-        left = np.sqrt(np.maximum(std**2 - by_elevation**2, 0.0) + (LOBE * step) ** 2)
-    return np.where(known, gain + step, gain), np.where(known, left, std)
+        known = np.isfinite(step) & (np.abs(difference) <= MAX_DEVIATION * elevation_std)
+        error = np.where(difference < 0, -elevation_std, elevation_std)
+        by_elevation = slope * error + curvature * error**2 / 2
+        remaining = np.sqrt(np.maximum(std**2 - by_elevation**2, 0.0) + (PATTERN_ERROR * step) ** 2)
+    return np.where(known, gain + step, gain), np.where(known, remaining, std)

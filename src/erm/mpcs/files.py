@@ -31,42 +31,63 @@ MAX_DELAY = 1e-3
 
 
 def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
-    """Read any number and mixture of CSV files and sounder products into one table.
+    """Read CSV files and products of ``sounder process``, in any number and mixture, into one table.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        The files. Their suffix tells CSV files from products.
 
     Returns
     -------
     table : xarray.Dataset
-        All rows that keep the rules, in the order of the files.
-    complaints : list of str
-        One line for each file that could not be used, or repeats others, and for each rule that rows of a file broke.
+        All valid rows, in the order of the files; see `erm.make_table`.
+    problems : list of str
+        One line for each file that could not be read or repeats others, and for each rule that rows of a file break.
+
+    Examples
+    --------
+    >>> import erm
+    >>> table, problems = erm.read_mpcs(["absent.csv"])
+    >>> table.sizes["mpc"], problems
+    (0, ['absent.csv: no such file'])
     """
     import xarray as xr
 
-    tables, complaints, seen = [], [], set()
+    tables, problems, seen = [], [], set()
     known: set[bytes] = set()
     for path in map(Path, paths):
         if path.resolve() in seen:
-            complaints.append(f"{path}: given twice; counted once")
+            problems.append(f"{path}: given twice; counted once")
             continue
         seen.add(path.resolve())
         try:
-            table, problems = read_csv(path) if path.suffix.lower() == ".csv" else read_product(path)
+            table, broken = read_csv(path) if path.suffix.lower() == ".csv" else read_product(path)
         except DataError as error:
-            complaints.append(str(error))
+            problems.append(str(error))
             continue
-        complaints += problems
+        problems += broken
         measured = _measured(table)
-        again = np.array([one in known for one in measured], dtype=bool)
-        if again.any():
-            complaints.append(f"{path}: {again.sum()} of {len(again)} components are in files before it; counted once")
+        repeated = np.array([row in known for row in measured], dtype=bool)
+        if repeated.any():
+            problems.append(f"{path}: {repeated.sum()} of {len(repeated)} MPCs are in earlier files; counted once")
         known.update(measured)
-        tables.append(table.isel(mpc=np.flatnonzero(~again)))
+        tables.append(table.isel(mpc=np.flatnonzero(~repeated)))
     joined = xr.concat(tables, dim="mpc") if tables else empty_table()
-    return joined, complaints
+    return joined, problems
 
 
 def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
-    """Read one CSV file with the header `COLUMNS` in any order, those of `OPTIONAL` or not; others are ignored.
+    """Read one CSV file.
+
+    Its header holds `COLUMNS` in any order, and any of `OPTIONAL`. Other columns are ignored.
+
+    Returns
+    -------
+    table : xarray.Dataset
+        Valid rows.
+    problems : list of str
+        One line for each rule that rows break.
 
     Raises
     ------
@@ -104,17 +125,24 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
         | numbers
     )
     rules = {f"{name} is not a number": bad for name, bad in unreadable.items()}
-    rules["los is none of 1, 0 and blank"] = ~np.isnan(los) & ~np.isin(los, (0, 1))
+    rules["los is not 1, 0 or blank"] = ~np.isnan(los) & ~np.isin(los, (0, 1))
     return _checked(table, path, rules, first_line=2)
 
 
 def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
-    """Read the ``/mpc`` group of one product of ``sounder process``.
+    """Read the MPCs of one product of ``sounder process``.
+
+    Returns
+    -------
+    table : xarray.Dataset
+        Valid rows.
+    problems : list of str
+        One line for each rule that rows break.
 
     Raises
     ------
     DataError
-        The file is missing, is not such a product, or does not say where the antennas were.
+        The file is missing, is not such a product, or has no positions of the antennas.
     """
     root, mpc = open_group(path), open_group(path, "mpc")
     if missing := [name for name in ("tx_position", "rx_position") if name not in root]:
@@ -125,7 +153,7 @@ def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
         raise DataError(f"{path}: has no attribute frequency; expected a product of `sounder process`")
     names = np.atleast_1d(root["position"].values) if "position" in root else np.array([Path(path).stem])
     if len(names) != 1:
-        raise DataError(f"{path}: holds {len(names)} positions; expected one a file, as `sounder process` writes")
+        raise DataError(f"{path}: holds {len(names)} positions; expected one per file, as `sounder process` writes")
     table = make_table(
         {
             "position": str(names[0]),
@@ -139,7 +167,29 @@ def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
 
 
 def write_mpcs(table: "xr.Dataset", path: Path | str) -> None:
-    """Write a table as CSV; unknown values blank, `OPTIONAL` columns only where one is known."""
+    """Write an MPC table as CSV.
+
+    Unknown values are blank. Columns of `OPTIONAL` are written if they hold a known value.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table (`erm.make_table`).
+    path : path
+        The file.
+
+    Examples
+    --------
+    >>> import erm
+    >>> from tempfile import TemporaryDirectory
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+    >>> mpcs = erm.predict(street, (0, 0, 28.4), (31, -60, 1.4), 132e9)
+    >>> with TemporaryDirectory() as folder:
+    ...     erm.write_mpcs(mpcs, f"{folder}/mpcs.csv")
+    ...     table, problems = erm.read_mpcs([f"{folder}/mpcs.csv"])
+    >>> table.sizes["mpc"], problems
+    (2, [])
+    """
     known = [name for name in OPTIONAL if np.isfinite(table[name].values).any()]
     columns: list[Sequence[str]] = [
         table["position"].values.tolist(),
@@ -155,14 +205,14 @@ def write_mpcs(table: "xr.Dataset", path: Path | str) -> None:
 
 
 def _measured(table: "xr.Dataset") -> list[bytes]:
-    """What was measured where (mpc,), in one piece: no two components are alike to the last bit."""
+    """Positions and measured values (mpc,) as bytes. Two different MPCs never agree in all bits."""
     places = [table[f"{end}_position"].values for end in ("tx", "rx")]
     values = [table[name].values[:, None] for name in ("delay", "azimuth", "path_gain")]
     return [row.tobytes() for row in np.ascontiguousarray(np.hstack([*places, *values]))]
 
 
 def _number(text: str | None, blank_allowed: bool) -> float:
-    """The value of a cell: NaN where it is blank and may be, infinite where it is no number."""
+    """Number in a cell: NaN for a blank that is allowed, infinite for anything else that is not a number."""
     text = (text or "").strip()
     if not text and blank_allowed:
         return np.nan
@@ -176,11 +226,11 @@ def _number(text: str | None, blank_allowed: bool) -> float:
 def _checked(
     table: "xr.Dataset", path: Path | str, rules: Mapping[str, npt.NDArray[np.bool_]], first_line: int
 ) -> tuple["xr.Dataset", list[str]]:
-    """Drop the rows that break a rule; one line for each rule that was broken."""
+    """Drop the rows that break a rule; return one line for each broken rule."""
     tx, rx = table["tx_position"].values, table["rx_position"].values
     delay = table["delay"].values
     early = np.fmax(TIMING_TOLERANCE, 3 * table["delay_std"].values)
-    with np.errstate(invalid="ignore"):  # rows may hold infinities here; the rules catch them
+    with np.errstate(invalid="ignore"):  # infinite values are caught by the rules
         direct = np.linalg.norm(tx - rx, axis=-1)
         broken = dict(rules) | {
             "position has no name": table["position"].values == "",
@@ -190,15 +240,15 @@ def _checked(
             "delay, azimuth or path_gain is NaN": ~np.isfinite(
                 delay + table["azimuth"].values + table["path_gain"].values
             ),
-            "delay is above 1 ms; seconds are expected": delay > MAX_DELAY,
+            "delay is above 1 ms; expected seconds": delay > MAX_DELAY,
             "delay is shorter than the direct path": delay < direct / c - early,
         }
     kept = np.ones(table.sizes["mpc"], dtype=bool)
-    complaints = []
+    problems = []
     for rule, rows in broken.items():
-        fresh = rows & kept
-        if fresh.any():
-            where = f"line {np.argmax(fresh) + first_line}" if first_line else f"component {np.argmax(fresh)}"
-            complaints.append(f"{path}: {np.count_nonzero(fresh)} of {len(kept)} rows dropped: {rule} (first: {where})")
+        dropped = rows & kept
+        if dropped.any():
+            where = f"line {np.argmax(dropped) + first_line}" if first_line else f"MPC {np.argmax(dropped)}"
+            problems.append(f"{path}: {np.count_nonzero(dropped)} of {len(kept)} rows dropped: {rule} (first: {where})")
         kept &= ~rows
-    return table.isel(mpc=kept), complaints
+    return table.isel(mpc=kept), problems

@@ -108,7 +108,7 @@ def select(
     measured = loss = reflection_loss(table)
     measured_std = loss_std = table["path_gain_std"].values
     if threshold != "letter":
-        gain, loss_std = elevation.gain_given(table, elevation.of_vertical_faces(table))
+        gain, loss_std = elevation.gain_at_elevation(table, elevation.vertical_face_elevation(table))
         loss = loss + table["path_gain"].values - gain
     doubt, measured_doubt = (2 * loss_std, 2 * measured_std) if threshold == "consistency" else (0.0, 0.0)
     direct = is_direct(table)
@@ -201,7 +201,7 @@ def fits_vertical_face(table: "xr.Dataset") -> BoolArray:
 
 def rise(table: "xr.Dataset") -> FloatArray:
     """Elevation (mpc,) less that of a path off vertical faces [degree]; NaN where it is unknown."""
-    return np.asarray(table["elevation"].values - elevation.of_vertical_faces(table))
+    return np.asarray(table["elevation"].values - elevation.vertical_face_elevation(table))
 
 
 def letter_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray) -> float:
@@ -219,12 +219,12 @@ def letter_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolA
 
 def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: float | None) -> "xr.Dataset":
     """The table with every standard error filled in, and what it was filled with in the attributes."""
-    found = standard_errors.of_direct_paths(table)
+    found = standard_errors.errors_of_direct_paths(table)
     given = {
         "delay_std": found.delay if delay_std is None else delay_std,
         "azimuth_std": found.azimuth if azimuth_std is None else azimuth_std,
         "elevation_std": found.elevation,
-        "path_gain_std": standard_errors.GAIN_STD,
+        "path_gain_std": 0.0,
     }
     known = np.isfinite(table["delay_std"].values) & np.isfinite(table["azimuth_std"].values)
     source = "the table" if known.all() else found.source if delay_std is azimuth_std is None else "the caller"

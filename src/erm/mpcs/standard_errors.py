@@ -1,7 +1,7 @@
-"""How large the errors of delays and angles are, where a table does not say.
+"""Standard errors of delays and angles for tables that have none.
 
-The direct path is a measurement of something known, so its errors can be read off. Where none was received the
-residuals of paths off common walls tell the same, once there are walls.
+Delay and direction of a direct path are known from the positions of the antennas, so its errors can be measured. If no
+direct paths were received, residuals of paths off common walls give the errors, once there are walls.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,88 +14,104 @@ from erm.geometry.vertical import FloatArray, angle_difference, azimuth_of
 if TYPE_CHECKING:
     import xarray as xr
 
-DELAY_STD = 0.3e-9  # s; a sample of a 1.2 GS/s sounder is 0.83 ns, 0.24 ns rms when delays are left on it
-AZIMUTH_STD = 3.0  # degree; a 10 degree grid left unrefined is 2.9 degrees rms
-ELEVATION_STD = 3.0  # degree
-GAIN_STD = 0.0  # dB; not looked for, the losses of one wall scatter by more
-LEAST = (1e-12, 1e-2, 1e-2)  # s, degree, degree; 0.3 mm, and 2 mm at 10 m: below, survey and arithmetic rule
-SHARES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0)  # of a common error in the typical one
-NORMAL = 1.4826  # standard deviations of a Gaussian in its median absolute deviation
-EVIDENCE = 2.0  # log odds of wider errors against what the table says; Akaike, for two parameters
-EXACT = 1e-3  # of the standard errors; residuals without any error tell no scale
-FEWEST = 5  # direct paths or residuals that make an estimate
+SMALLEST_ERRORS = (1e-12, 1e-2, 1e-2)
+"""Smallest standard errors of delay [s], azimuth and elevation [degree]: 0.3 mm, and 2 mm at 10 m; chosen. Smaller
+errors than these are dominated by those of positions and arithmetic."""
+COMMON_SHARES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""Common errors that `widen_errors` tries, relative to the median error; chosen."""
+MAD_TO_STD = 1.4826
+"""Standard deviation of a Gaussian over its median absolute deviation."""
+MIN_LOG_ODDS = 2.0
+"""Least log-likelihood ratio for wider errors: Akaike's criterion for two parameters."""
+MIN_SCALE = 1e-3
+"""Smallest scale of residuals, relative to the standard errors, for residuals that are 0; chosen."""
+MIN_SAMPLE = 5
+"""Fewest direct paths for an estimate; chosen."""
 
 
-class Noise(NamedTuple):
-    """Standard errors of a table without any, and where they are from."""
+class StandardErrors(NamedTuple):
+    """Standard errors of a table that has none, and their source."""
 
-    delay: float  # s
-    azimuth: float  # degree
-    elevation: float  # degree
-    sample: int  # errors behind them
+    delay: float
+    """[s]"""
+    azimuth: float
+    """[degree]"""
+    elevation: float
+    """[degree]"""
+    sample: int
+    """Number of measured errors behind them."""
     source: str
+    """Source, for people."""
 
 
-ASSUMED = Noise(DELAY_STD, AZIMUTH_STD, ELEVATION_STD, 0, "an assumption")
+ASSUMED = StandardErrors(0.3e-9, 3.0, 3.0, 0, "an assumption")
+"""Errors of unrefined estimates: samples of 0.83 ns give 0.24 ns rms, a grid of 10 degrees gives 2.9 degrees rms."""
 
 
-def of_direct_paths(table: "xr.Dataset") -> Noise:
-    """Errors of the components that are nearest to the direct path of their link.
+def errors_of_direct_paths(table: "xr.Dataset") -> StandardErrors:
+    """Standard errors of direct paths, from their known delays and directions.
 
-    One a link is looked at, the strongest within three assumed standard errors of where the direct path must be;
-    the scale is the median absolute deviation from that, so that links where something else arrives there do not
-    count. `ASSUMED` where fewer than ``FEWEST`` links have one.
+    Each link contributes its strongest MPC within three assumed standard errors of the direct path. The median absolute
+    deviation gives the scale, so that a few links where another path arrives there do not matter. The result is
+    `ASSUMED` if fewer than `MIN_SAMPLE` links have such an MPC.
     """
-    apart = table["tx_position"].values - table["rx_position"].values
-    late = table["delay"].values - np.linalg.norm(apart, axis=-1) / c
-    aside = angle_difference(table["azimuth"].values, azimuth_of(apart))
-    climb = np.rad2deg(np.arctan2(apart[:, 2], np.hypot(apart[:, 0], apart[:, 1])))
-    above = table["elevation"].values - climb
-    near = np.flatnonzero((np.abs(late) < 3 * DELAY_STD) & (np.abs(aside) < 3 * AZIMUTH_STD))
+    difference = table["tx_position"].values - table["rx_position"].values
+    delay_error = table["delay"].values - np.linalg.norm(difference, axis=-1) / c
+    azimuth_error = angle_difference(table["azimuth"].values, azimuth_of(difference))
+    true_elevation = np.rad2deg(np.arctan2(difference[:, 2], np.hypot(difference[:, 0], difference[:, 1])))
+    elevation_error = table["elevation"].values - true_elevation
+    near = np.flatnonzero((np.abs(delay_error) < 3 * ASSUMED.delay) & (np.abs(azimuth_error) < 3 * ASSUMED.azimuth))
     near = near[np.argsort(-table["path_gain"].values[near], kind="stable")]
     ends = np.hstack([table["tx_position"].values[near], table["rx_position"].values[near]])
     _, strongest = np.unique(ends, axis=0, return_index=True)
     rows = near[strongest]
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_SAMPLE:
         return ASSUMED
-    seen = np.isfinite(above[rows])
-    climbing = scale(above[rows][seen]) if np.count_nonzero(seen) >= FEWEST else ELEVATION_STD
-    found = (scale(late[rows]), scale(aside[rows]), climbing)
-    delay, azimuth, elevation = (max(value, least) for value, least in zip(found, LEAST, strict=True))
-    return Noise(delay, azimuth, elevation, len(rows), "direct paths")
+    known = np.isfinite(elevation_error[rows])
+    elevation_std = (
+        robust_std(elevation_error[rows][known]) if np.count_nonzero(known) >= MIN_SAMPLE else ASSUMED.elevation
+    )
+    found = (robust_std(delay_error[rows]), robust_std(azimuth_error[rows]), elevation_std)
+    delay, azimuth, elevation = (max(value, smallest) for value, smallest in zip(found, SMALLEST_ERRORS, strict=True))
+    return StandardErrors(delay, azimuth, elevation, len(rows), "direct paths")
 
 
-def widened(residual: FloatArray, of: FloatArray, std: FloatArray) -> FloatArray:
-    """Standard errors widened to what residuals show.
+def widen_errors(residual: FloatArray, expected: FloatArray, std: FloatArray) -> FloatArray:
+    """Widen standard errors if residuals show that they are too small.
 
-    Errors that a table underrates may be in proportion to what it says, as those of paths that others disturb, or the
-    same for all, as those of a survey. Of ``f * hypot(std, share * median(std))`` for some shares, with ``f`` the scale
-    of the residuals, the one is taken under which these are likeliest (Student's t of 3 degrees of freedom). What the
-    table says holds unless that is likelier by a factor ``exp(EVIDENCE)``: few residuals are large by chance.
+    True errors may be proportional to the stated ones, as for overlapping paths, or have a common part, as from a
+    survey. The candidates are ``f * hypot(std, share * median(std))`` for `COMMON_SHARES`, with ``f`` the scale of the
+    residuals. The candidate of the highest likelihood (Student's t with 3 degrees of freedom) is used, if its
+    log-likelihood exceeds that of the stated errors by `MIN_LOG_ODDS`: a few residuals are large by chance.
 
     Parameters
     ----------
-    residual, of : array (residual,)
-        Residuals and the standard errors they should have.
+    residual, expected : array (residual,)
+        Residuals and their stated standard errors.
     std : array (path,)
         Standard errors to widen.
+
+    Returns
+    -------
+    array (path,)
+        Standard errors, not smaller than ``std``.
     """
-    typical = float(np.median(of))
-    best, likeliest = std, _likelihood(residual, of) + EVIDENCE
-    for share in SHARES:
-        own = np.hypot(of, share * typical)
-        factor = max(scale(residual / own), EXACT)
-        likelihood = _likelihood(residual, factor * own)
-        if likelihood > likeliest:
-            best, likeliest = np.maximum(std, factor * np.hypot(std, share * typical)), likelihood
+    typical = float(np.median(expected))
+    best, highest = std, _log_likelihood(residual, expected) + MIN_LOG_ODDS
+    for share in COMMON_SHARES:
+        own = np.hypot(expected, share * typical)
+        factor = max(robust_std(residual / own), MIN_SCALE)
+        likelihood = _log_likelihood(residual, factor * own)
+        if likelihood > highest:
+            best, highest = np.maximum(std, factor * np.hypot(std, share * typical)), likelihood
     return best
 
 
-def _likelihood(residual: FloatArray, std: FloatArray) -> float:
-    """Logarithm, but for a constant, of Student's t of 3 degrees of freedom."""
+def _log_likelihood(residual: FloatArray, std: FloatArray) -> float:
+    """Log-likelihood of Student's t with 3 degrees of freedom, up to a constant."""
     return -float(np.sum(np.log(std) + 2 * np.log1p((residual / std) ** 2 / 3)))
 
 
-def scale(errors: FloatArray) -> float:
-    """Standard deviation of errors about zero, of which up to half may be anything."""
-    return NORMAL * float(np.median(np.abs(errors)))
+def robust_std(errors: FloatArray) -> float:
+    """Standard deviation of errors around zero; up to half of them may be outliers."""
+    return MAD_TO_STD * float(np.median(np.abs(errors)))

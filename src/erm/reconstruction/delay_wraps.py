@@ -12,7 +12,7 @@ import numpy as np
 
 from erm.common.constants import c
 from erm.geometry.vertical import FloatArray
-from erm.mpcs.elevation import gain_given, of_vertical_faces
+from erm.mpcs.elevation import gain_at_elevation, vertical_face_elevation
 from erm.mpcs.selection import FACE_COLUMNS, GAIN_EXCESS, fits_vertical_face, reflection_loss, with_faces
 from erm.reconstruction.decision.decide import LEAST_ODDS
 from erm.reconstruction.model.fit import fit_line, misfit
@@ -110,7 +110,7 @@ def _later(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", IntArray
     longer = table.isel(mpc=rows)
     longer = longer.assign(delay=longer["delay"] + np.repeat(np.arange(1, MOST + 1), len(once)) * longer["wrap_period"])
     longer = with_faces(longer)
-    gain, std = gain_given(longer, of_vertical_faces(longer))
+    gain, std = gain_at_elevation(longer, vertical_face_elevation(longer))
     loss = reflection_loss(longer) + longer["path_gain"].values - gain
     longer = longer.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
     possible = (loss + 2 * std > -GAIN_EXCESS) & (loss <= table.attrs["max_reflection_loss"])

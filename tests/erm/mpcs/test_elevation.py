@@ -3,7 +3,7 @@
 import numpy as np
 
 from erm.common.constants import c
-from erm.mpcs.elevation import gain_given, implied_gain, of_vertical_faces, off_the_ground
+from erm.mpcs.elevation import gain_at_elevation, ground_reflection_elevation, implied_gain, vertical_face_elevation
 from erm.mpcs.files import read_csv, write_mpcs
 from erm.mpcs.selection import select
 from erm.mpcs.table import make_table
@@ -32,8 +32,8 @@ def table(measured, std):
 def test_the_gain_of_a_path_beyond_the_fan_is_what_it_is_once_its_elevation_is_known():
     mpcs = table(np.full_like(TRUE, 10.0), 7.0)
     assert np.abs(mpcs["path_gain"].values + 110).max() > 10  # as measured
-    np.testing.assert_allclose(of_vertical_faces(mpcs), TRUE)
-    gain, std = gain_given(mpcs, of_vertical_faces(mpcs))
+    np.testing.assert_allclose(vertical_face_elevation(mpcs), TRUE)
+    gain, std = gain_at_elevation(mpcs, vertical_face_elevation(mpcs))
     known = TRUE - 10.0 < 3 * 7.0
     np.testing.assert_allclose(gain[known], -110.0)
     assert (std < mpcs["path_gain_std"].values).all()
@@ -41,7 +41,7 @@ def test_the_gain_of_a_path_beyond_the_fan_is_what_it_is_once_its_elevation_is_k
 
 def test_a_path_that_is_known_to_arrive_elsewhere_keeps_its_gain():
     mpcs = table(np.full_like(TRUE, 10.0), 0.2)
-    gain, std = gain_given(mpcs, of_vertical_faces(mpcs))
+    gain, std = gain_at_elevation(mpcs, vertical_face_elevation(mpcs))
     np.testing.assert_array_equal(gain, mpcs["path_gain"])
     np.testing.assert_array_equal(std, mpcs["path_gain_std"])
 
@@ -57,14 +57,14 @@ def test_heights_imply_the_gain_of_paths_off_walls():
 def test_a_path_off_the_ground_does_not_get_the_gain_of_one_off_a_wall():
     # it arrives from as far below the horizon as (28.4 + 1.4) / L, and was seen at the fan's lower edge
     below = np.rad2deg(np.arcsin(-(TX[2] + RX[2]) / LENGTH))
-    np.testing.assert_allclose(off_the_ground(table(TRUE, 1.0)), below)
+    np.testing.assert_allclose(ground_reflection_elevation(table(TRUE, 1.0)), below)
     mpcs = table(np.full_like(TRUE, -10.0), 9.0)
     lower = -12.0 * ((below + EDGE) / WIDTH) ** 2 + 12.0 * ((-10.0 + EDGE) / WIDTH) ** 2
     mpcs["path_gain"][:] = -130.0 + lower
     mpcs["gain_slope"][:] = 24 / WIDTH**2 * (-10.0 + EDGE)
     gain, _ = implied_gain(mpcs)
     np.testing.assert_allclose(gain, -130.0)
-    as_off_a_wall, _ = gain_given(mpcs, of_vertical_faces(mpcs))
+    as_off_a_wall, _ = gain_at_elevation(mpcs, vertical_face_elevation(mpcs))
     assert (as_off_a_wall[TRUE - mpcs["elevation"].values < 3 * 9.0] > -90).all()  # stronger than free space allows
 
 
@@ -83,7 +83,7 @@ def test_an_elevation_that_makes_a_path_stronger_than_free_space_is_not_implied(
 def test_a_table_without_slopes_keeps_its_gains():
     mpcs = table(np.full_like(TRUE, 10.0), 7.0).drop_vars(["gain_slope", "gain_curvature"])
     mpcs = mpcs.assign(gain_slope=("mpc", np.full(12, np.nan)), gain_curvature=("mpc", np.full(12, np.nan)))
-    gain, std = gain_given(mpcs, of_vertical_faces(mpcs))
+    gain, std = gain_at_elevation(mpcs, vertical_face_elevation(mpcs))
     np.testing.assert_array_equal(gain, mpcs["path_gain"])
     np.testing.assert_array_equal(std, mpcs["path_gain_std"])
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.constants import c
 
 from erm.geometry.vertical import azimuth_of
-from erm.mpcs.standard_errors import ASSUMED, of_direct_paths, widened
+from erm.mpcs.standard_errors import ASSUMED, errors_of_direct_paths, widen_errors
 from erm.mpcs.table import make_table
 
 
@@ -29,7 +29,7 @@ def direct_paths(count, delay_std, azimuth_std, seed=3):
 
 @pytest.mark.parametrize(("delay_std", "azimuth_std"), [(1e-10, 0.3), (3e-11, 2.0)])
 def test_the_scatter_of_direct_paths_is_the_error(delay_std, azimuth_std):
-    found = of_direct_paths(direct_paths(400, delay_std, azimuth_std))
+    found = errors_of_direct_paths(direct_paths(400, delay_std, azimuth_std))
     # a median absolute deviation of 400 errors is right to 1.17 / sqrt(800) = 4 %; four of these
     assert found.delay == pytest.approx(delay_std, rel=0.17)
     assert found.azimuth == pytest.approx(azimuth_std, rel=0.17)
@@ -37,18 +37,18 @@ def test_the_scatter_of_direct_paths_is_the_error(delay_std, azimuth_std):
 
 
 def test_a_few_direct_paths_are_no_evidence():
-    assert of_direct_paths(direct_paths(4, 1e-10, 0.3)) == ASSUMED
+    assert errors_of_direct_paths(direct_paths(4, 1e-10, 0.3)) == ASSUMED
 
 
 def test_errors_of_exact_paths_stay_positive():
-    found = of_direct_paths(direct_paths(20, 0.0, 0.0))
+    found = errors_of_direct_paths(direct_paths(20, 0.0, 0.0))
     assert min(found.delay, found.azimuth) > 0
 
 
 def test_errors_are_widened_to_the_residuals_and_left_alone_where_these_are_as_stated_or_nothing():
     rng = np.random.default_rng(11)
     stated = np.full(400, 0.02)
-    underrated = widened(0.1 * rng.standard_normal(400), stated, stated)
+    underrated = widen_errors(0.1 * rng.standard_normal(400), stated, stated)
     np.testing.assert_allclose(underrated, 0.1, rtol=0.17)  # as above
     for residual in (0.02 * rng.standard_normal(400), np.zeros(400)):
-        np.testing.assert_array_equal(widened(residual, stated, stated), stated)
+        np.testing.assert_array_equal(widen_errors(residual, stated, stated), stated)

@@ -110,7 +110,7 @@ def test_components_that_another_file_holds_too_count_once_and_are_told(tmp_path
         file.write(GOOD + "\n")
     both, complaints = read_mpcs([path, copy])
     assert both.sizes["mpc"] == table.sizes["mpc"] + 1
-    assert complaints == [f"{copy}: 2 of 3 components are in files before it; counted once"]
+    assert complaints == [f"{copy}: 2 of 3 MPCs are in earlier files; counted once"]
 
 
 def test_a_missing_column_is_named_with_the_header_that_would_be_right(tmp_path: Path):
@@ -131,10 +131,10 @@ def test_bytes_are_no_table(tmp_path: Path):
         ("rx_x", "nan", "rx_x is not a number"),
         ("rx_x", "", "rx_x is not a number"),
         ("delay", "soon", "delay is not a number"),
-        ("los", "2", "los is none of 1, 0 and blank"),
+        ("los", "2", "los is not 1, 0 or blank"),
         ("position", "", "position has no name"),
         ("frequency", "0", "frequency is not positive"),
-        ("delay", "300", "seconds are expected"),
+        ("delay", "300", "expected seconds"),
         ("delay", "1.9e-7", "delay is shorter than the direct path"),
     ],
 )

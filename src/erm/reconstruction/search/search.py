@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from erm.common.constants import c
 from erm.geometry.vertical import FloatArray
-from erm.mpcs.standard_errors import LEAST, scale, widened
+from erm.mpcs.standard_errors import SMALLEST_ERRORS, robust_std, widen_errors
 from erm.reconstruction.model.fit import fit_lines, residuals
 from erm.reconstruction.model.line import Lines, seed_lines
 from erm.reconstruction.model.paths import IntArray, Paths
@@ -113,18 +113,18 @@ def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: in
     new = []
     for column, (std, start, least) in enumerate(
         (
-            (paths.length_std, first.length_std, LEAST[0] * c),
-            (paths.azimuth_std, first.azimuth_std, LEAST[1]),
+            (paths.length_std, first.length_std, SMALLEST_ERRORS[0] * c),
+            (paths.azimuth_std, first.azimuth_std, SMALLEST_ERRORS[1]),
         )
     ):
         values = white[kept[:, column], column]
         if len(values) < FEWEST:
             new.append(np.where(known, start, std))
             continue
-        factor = scale(values)
+        factor = robust_std(values)
         rows = members[kept[:, column]]
         residual = values * std[rows]
-        wider = widened(residual, start[rows], start)
+        wider = widen_errors(residual, start[rows], start)
         pooled = np.sqrt((count * start**2 + len(values) * (std * factor) ** 2) / (count + len(values)))
         new.append(np.where(known, wider, np.maximum(pooled, least)))
     changed = max(

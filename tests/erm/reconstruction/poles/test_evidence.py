@@ -7,7 +7,7 @@ from scipy.constants import c
 from erm.geometry.vertical import azimuth_of, mirrored
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
-from erm.mpcs.standard_errors import widened
+from erm.mpcs.standard_errors import widen_errors
 from erm.mpcs.table import make_table
 from erm.reconstruction.decision.corners import corners_on
 from erm.reconstruction.model.fit import fit_line
@@ -147,12 +147,12 @@ def test_errors_are_widened_in_proportion_or_by_the_same():
     rng = np.random.default_rng(7)
     std = 10 ** rng.uniform(-3, -1, 2000)
     # a median absolute deviation of 2000 is right to 3 %
-    np.testing.assert_allclose(widened(3 * std * rng.standard_normal(2000), std, std), 3 * std, rtol=0.15)
+    np.testing.assert_allclose(widen_errors(3 * std * rng.standard_normal(2000), std, std), 3 * std, rtol=0.15)
     common = np.hypot(std, 0.03) * rng.standard_normal(2000)
-    wider = widened(common, std, std)
+    wider = widen_errors(common, std, std)
     assert wider.min() == pytest.approx(0.03, rel=0.3)
     assert wider.max() == pytest.approx(np.hypot(0.1, 0.03), rel=0.3)
-    assert np.all(widened(0.1 * std, std, std) >= std)
+    assert np.all(widen_errors(0.1 * std, std, std) >= std)
 
 
 def test_a_weighted_median_follows_the_weight():
