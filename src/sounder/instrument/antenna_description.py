@@ -1,5 +1,6 @@
 """Antennas in a sounder description."""
 
+import math
 from itertools import pairwise
 from typing import Annotated, Literal, Self
 
@@ -54,6 +55,14 @@ class Antenna(Table):
         Relative error of the pattern's amplitude [1]. The default is assumed, not measured.
     beamwidth_error : float
         Relative error of the beamwidths [1]. The default is assumed, not measured.
+    joint_gain_error, joint_beamwidth_error : float
+        The same, as the joint fit of overlapping paths allows for them [1]. The defaults are assumed, not measured.
+    margin_above : float
+        How far a beam's sidelobes may be above the described pattern [dB]. The default, a factor of 2 in amplitude, is
+        assumed, not measured.
+    margin_below : float
+        How far they may be below it [dB]: a described floor may be a limit, and the real one lower. The default, a
+        factor of 4 in amplitude, is assumed, not measured.
     """
 
     gain: float
@@ -64,6 +73,10 @@ class Antenna(Table):
     cut: Cut | None = None
     gain_error: NotNegative = 0.01
     beamwidth_error: NotNegative = 0.02
+    joint_gain_error: NotNegative = 0.005
+    joint_beamwidth_error: NotNegative = 0.01
+    margin_above: NotNegative = 20 * math.log10(2)
+    margin_below: NotNegative = 20 * math.log10(4)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

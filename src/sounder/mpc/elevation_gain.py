@@ -1,31 +1,35 @@
-"""How a path's gain hangs on its elevation: what whoever learns the elevation from elsewhere makes of the gain."""
+"""Path gain as a function of the assumed elevation."""
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.kernels.extraction.columns import NEAR
+from sounder.kernels.extraction.path_record import FIT_BEAMS
+from sounder.mpc.directions import beam_gains
 
-LEAST, MOST = 0.5, 15.0  # degree; the parabola is laid over a standard deviation, within these
+MIN_STEP = 0.5
+"""Least change of elevation over which the parabola is laid [degree]: two points of the pattern's table."""
+MAX_STEP = 15.0
+"""Most of it [degree]; chosen, not derived."""
 
 Real = NDArray[np.float64]
 
 
-def with_ridge(table: xr.Dataset, looks: tuple[Real, Real], pattern: Pattern) -> xr.Dataset:
+def with_elevation_gain(table: xr.Dataset, directions: Real, pattern: Pattern) -> xr.Dataset:
     """Add to MPCs how their gains change with the elevation that is assumed.
 
     Magnitudes ``m_b = a g_b(e)`` of a path at elevation ``e`` are those of amplitude ``a g(e').g(e) / g(e').g(e')`` at
-    ``e'``, by least squares over the beams about it. Beyond the edge of the fan all such pairs fit nearly as well, a
-    ridge. In decibels it is a parabola where the lobe is Gaussian; in general one is laid through ``e`` and half and a
-    whole standard deviation further from the horizon, where the beams do not tell.
+    ``e'``, by least squares over the beams about it. Beyond the edge of the fan all such pairs of elevation and
+    amplitude fit nearly as well. In decibels the amplitude is a parabola where the lobe is Gaussian. In general a
+    parabola is laid through ``e`` and half and a whole standard deviation further from the horizon.
 
     Parameters
     ----------
     table : xarray.Dataset
         Along ``mpc``, with ``azimuth``, ``elevation``, ``elevation_std`` [degree].
-    looks : arrays (azimuth,), (elevation,)
-        Directions of the scan [degree].
+    directions : array (beam, 2)
+        From :func:`sounder.mpc.directions.beam_directions` [degree].
     pattern : Pattern
         Of the receive antenna.
 
@@ -36,21 +40,19 @@ def with_ridge(table: xr.Dataset, looks: tuple[Real, Real], pattern: Pattern) ->
         ``path_gain + gain_slope (e' - e) + gain_curvature (e' - e)**2 / 2``. NaN where there is no elevation.
     """
     azimuth, elevation = table["azimuth"].values[:, None], table["elevation"].values[:, None]
-    look_azimuth, look_elevation = (grid.ravel() for grid in np.meshgrid(*looks, indexing="ij"))
-    seen = pattern.beam_gain(azimuth, elevation, look_azimuth, look_elevation)
-    near = np.argsort(-seen, axis=1)[:, :NEAR]
-    beams = look_azimuth[near], look_elevation[near]
-    amplitude = 10 ** (np.take_along_axis(seen, near, axis=1) / 20)
+    level = beam_gains(azimuth[:, 0], elevation[:, 0], directions, pattern)
+    near = np.argsort(-level, axis=1)[:, :FIT_BEAMS]
+    beam_azimuth, beam_elevation = directions[near, 0], directions[near, 1]
+    amplitude = 10 ** (np.take_along_axis(level, near, axis=1) / 20)
 
-    def gain(step: Real) -> Real:
-        other = 10 ** (pattern.beam_gain(azimuth, elevation + step[:, None], *beams) / 20)
+    def gain_change(step: Real) -> Real:
+        other = 10 ** (pattern.beam_gain(azimuth, elevation + step[:, None], beam_azimuth, beam_elevation) / 20)
         return np.asarray(20 * np.log10(np.sum(other * amplitude, axis=1) / np.sum(other**2, axis=1)))
 
-    reach = np.clip(np.nan_to_num(table["elevation_std"].values), LEAST, MOST)
-    outward = np.where(elevation[:, 0] < 0, -reach, reach)
-    half, whole = gain(outward / 2), gain(outward)
+    size = np.clip(np.nan_to_num(table["elevation_std"].values), MIN_STEP, MAX_STEP)
+    outward = np.where(elevation[:, 0] < 0, -size, size)
+    half, whole = gain_change(outward / 2), gain_change(outward)
     slope, curvature = (4 * half - whole) / outward, 4 * (whole - 2 * half) / outward**2
-    return table.assign(
-        gain_slope=("mpc", slope, {"units": "dB degree-1", "long_name": "what the gain rises a degree of elevation"}),
-        gain_curvature=("mpc", curvature, {"units": "dB degree-2", "long_name": "what this slope rises a degree"}),
-    )
+    slope_attrs = {"units": "dB degree-1", "long_name": "slope of path gain with assumed elevation"}
+    curvature_attrs = {"units": "dB degree-2", "long_name": "curvature of path gain with assumed elevation"}
+    return table.assign(gain_slope=("mpc", slope, slope_attrs), gain_curvature=("mpc", curvature, curvature_attrs))

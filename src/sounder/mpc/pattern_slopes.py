@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.kernels.extraction.scan_view import table_of
+from sounder.kernels.extraction.scan_view import cut_table
 
 Real = NDArray[np.float64]
 
 
 class Cuts(NamedTuple):
-    """Cuts of a pattern and their slopes, from `table_of`, and its floor [neper]."""
+    """Cuts of a pattern and their slopes, from `cut_table`, and its floor [neper]."""
 
     azimuth: Real
     elevation: Real
@@ -21,13 +21,13 @@ class Cuts(NamedTuple):
     @classmethod
     def of(cls, pattern: Pattern) -> Self:
         """Tabulate a pattern."""
-        return cls(table_of(pattern.azimuth_cut), table_of(pattern.elevation_cut), np.log(10) / 20 * pattern.floor)
+        return cls(cut_table(pattern.azimuth_cut), cut_table(pattern.elevation_cut), np.log(10) / 20 * pattern.floor)
 
 
-def slopes(azimuth: Real, elevation: Real, looks: Real, cuts: Cuts) -> Real:
+def slopes(azimuth: Real, elevation: Real, directions: Real, cuts: Cuts) -> Real:
     """Amplitude pattern (3, ..., beam) toward directions (...) [degree]: itself, by azimuth and by elevation.
 
-    In the frame of an antenna that looks at ``b`` a path at an azimuth and an elevation has
+    In the frame of an antenna that directions at ``b`` a path at an azimuth and an elevation has
 
     ``x = cos e cos(a - a_b) cos e_b + sin e sin e_b``, ``y = cos e sin(a - a_b)``,
     ``z = sin e cos e_b - cos e cos(a - a_b) sin e_b``,
@@ -35,7 +35,7 @@ def slopes(azimuth: Real, elevation: Real, looks: Real, cuts: Cuts) -> Real:
     and the angles ``atan2(y, x)`` and ``asin(z)``, of which the cuts are functions. By one degree. The plain twin is
     :meth:`sounder.instrument.antenna_pattern.Pattern.beam_gain`.
     """
-    look, tilt = np.radians(looks.T)
+    look, tilt = np.radians(directions.T)
     azimuth, up = np.radians(azimuth)[..., None], np.radians(elevation)[..., None]
     cos_up, sin_up, cos_tilt, sin_tilt = np.cos(up), np.sin(up), np.cos(tilt), np.sin(tilt)
     ahead = cos_up * (np.cos(azimuth) * np.cos(look) + np.sin(azimuth) * np.sin(look))
@@ -59,7 +59,7 @@ def slopes(azimuth: Real, elevation: Real, looks: Real, cuts: Cuts) -> Real:
 
 
 def _cut(table: Real, angle: Real) -> tuple[Real, Real]:
-    """Level and its slope at angles [radian], from `table_of`."""
+    """Level and its slope at angles [radian], from `cut_table`."""
     last = table.shape[1] - 1
     place = (angle / (2 * np.pi) + 0.5) * last
     left = np.minimum(place.astype(int), last - 1)

@@ -1,7 +1,7 @@
-"""Linear algebra on one thread, whose sums are the same to the last bit on any machine of a kind.
+"""Linear algebra on one thread, so that results do not depend on the number of threads.
 
 BLAS shares large products among as many threads as there are processors, or as ``OMP_NUM_THREADS`` says, as dask does
-for its workers; each number of threads adds in an order of its own.
+for its workers. Each number of threads adds in an order of its own, and rounds differently.
 """
 
 import threading
@@ -16,15 +16,15 @@ _inside = 0
 
 
 @contextmanager
-def one_thread() -> Iterator[None]:
-    """Have BLAS use one thread of each thread that calls it.
+def single_thread() -> Iterator[None]:
+    """Have BLAS use one thread for each thread that calls it.
 
-    BLAS knows one number for the whole process: the first to come sets it, the last to go sets it back.
+    The number is one for the whole process: the first context to be entered sets it, the last to be left restores it.
     """
     global _inside
     with _lock:
         if _inside == 0:
-            _let_any_thread_set()
+            _release_thread_control()
             _limits.append(threadpool_limits(1, user_api="blas"))
         _inside += 1
     try:
@@ -33,13 +33,13 @@ def one_thread() -> Iterator[None]:
         with _lock:
             _inside -= 1
             if _inside == 0:
-                _let_any_thread_set()
+                _release_thread_control()
                 _limits.pop().restore_original_limits()
-                _let_any_thread_set()
+                _release_thread_control()
 
 
-def _let_any_thread_set() -> None:
-    """Since threadpoolctl 3.8 limits are silently kept unless the thread that set any first, if alive, changes them."""
+def _release_thread_control() -> None:
+    """Let any thread change the limit; since threadpoolctl 3.8 only the thread that set it first may, if it is alive."""
     clear = getattr(OpenBLASController, "clear_controlling_thread", None)
     if clear is not None:
         clear(force=True)

@@ -1,88 +1,69 @@
-"""What a fit found, as the table of MPCs: units, errors, and what to think of each."""
+"""The table of MPCs: the paths found in physical units, with their errors and remarks."""
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from erm.common.constants import c
-from sounder.cir.deembedding import Deembedding
-from sounder.instrument.description import Sounder
-from sounder.kernels.extraction import columns as component
+from sounder.mpc.directions import DB_PER_NEPER
+from sounder.mpc.scan import Scan
 
-DIRECT_GUARD = 1e-9
-"""How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]."""
+DIRECT_TOLERANCE = 1e-9
+"""How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]: about a resolution
+cell."""
 PARAMETERS = ("delay", "azimuth", "elevation", "path_gain")
-NEPER = 20 / np.log(10)
-"""Decibels a unit of the amplitude's logarithm."""
 
 Real = NDArray[np.float64]
+Paths = NDArray[np.void]
 
 
-def tabulate(
-    found: Real,
-    noise: Real,
-    filter_: Deembedding,
-    sounder: Sounder,
-    distance: float,
-    *,
-    wider: Real,
-    clock: Real,
-    fans: bool,
-) -> xr.Dataset:
+def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, clock: Real) -> xr.Dataset:
     """Table of the paths found.
 
     The covariance is that of the least-squares fits, with the noise power as variance, or the fit's own residual where
-    that is more than noise leaves. The delay's is ``N V / sum_b a_b^2`` with the path's amplitude ``a_b`` in a beam,
-    the noise power ``N``, and ``V`` of :class:`sounder.cir.matched_filter.MatchedFilter`; with a phase of its own in
-    every beam it is independent of the others. Both are widened for other paths, and the delay's holds the clock's.
-    Those of elevation and gain reach, besides, to directions outside the fan that the beams do not exclude.
+    that exceeds the noise. The variance of the delay is ``N V / sum_b a_b^2`` with the path's amplitude ``a_b`` in a
+    beam, the noise power ``N``, and ``V`` of :class:`sounder.cir.matched_filter.MatchedFilter`; with a phase of its own in
+    every beam it is independent of the others. Both are inflated for other paths, and that of the delay includes the
+    clock's. Those of elevation and gain include other directions outside the fan that the beams do not exclude.
 
     Parameters
     ----------
-    found : array (mpc, component.COLUMNS)
-        From :func:`sounder.kernels.extraction.sage.cancel`.
-    noise : array (beam,)
-        Noise power.
-    filter_ : Deembedding
-    sounder : Sounder
-        For the gain of the receive antenna and the carrier.
+    found : array of `sounder.kernels.extraction.path_record.PATH` (mpc,)
+    scan : Scan
     distance : float
-        Direct distance [m].
-    wider : array (mpc, 2)
-        From :func:`sounder.mpc.uncertainty.widened`.
+        Direct distance from TX to RX [m].
+    inflation : array (mpc, 2)
+        From :func:`sounder.mpc.uncertainty.variance_inflation`.
     clock : array (mpc,)
         From :func:`sounder.mpc.clock.clock_variance` [s2].
-    fans : bool
-        Whether the scan has several elevations.
 
     Returns
     -------
     xarray.Dataset
         Along ``mpc``: ``delay`` [s], in the one period that begins with the direct path; ``azimuth``, ``elevation``
-        [degree], NaN without ``fans``; ``path_gain`` [dB] without antennas; ``delay_std``, ``azimuth_std``,
-        ``elevation_std``, ``path_gain_std``; ``clock_std`` [s], the part of ``delay_std`` that all MPCs of the
-        position share, nearly; ``covariance`` (mpc, parameter, other), in the units of the four;
-        ``snr`` [dB] of the peak in the beam that saw it best; ``misfit``, the power that the fit left in
-        magnitudes of neighbouring beams and in samples about the peak, over that of the noise: about 1 for one path
-        in noise; and ``may_be_wrapped``, 1 where the path is so weak that it may be one of a
-        period more.
+        [degree], the latter NaN if the scan has one elevation; ``path_gain`` [dB] without antennas; ``delay_std``,
+        ``azimuth_std``, ``elevation_std``, ``path_gain_std``; ``clock_std`` [s], the part of ``delay_std`` that the
+        MPCs of the position share, nearly; ``covariance`` (mpc, parameter, other), in the units of the four; ``snr``
+        [dB] of the peak in the beam that sees the path best; ``misfit``, the residual power of the fits in magnitudes
+        of neighbouring beams and in samples about the peak, over that of the noise: about 1 for one path in noise;
+        and ``may_be_wrapped``, 1 where the path is so weak that its delay may be longer by a period.
     """
-    beam = found[:, component.BEAM].astype(int)
-    amplitude = found[:, component.AMPLITUDE]
-    delay = found[:, component.DELAY] / filter_.sample_rate
-    period = filter_.weight.size / filter_.sample_rate
-    earliest = distance / c - DIRECT_GUARD
-    delay = earliest + (delay - earliest) % period
-    gain = 20 * np.log10(amplitude) - sounder.rx_antenna.gain
-    covariance = _covariance(found, noise[beam], filter_, wider)
+    several_elevations = scan.elevation.size > 1
+    rate, antenna = scan.filter_.sample_rate, scan.antenna
+    noise, amplitude = scan.noise[found["beam"]], found["amplitude"]
+    period = scan.period / rate
+    earliest = distance / c - DIRECT_TOLERANCE
+    delay = earliest + (found["delay"] / rate - earliest) % period
+    gain = 20 * np.log10(amplitude) - antenna.gain
+    covariance = _covariance(found, noise, scan, inflation)
     covariance[:, 0, 0] += clock
-    if not fans:
+    if not several_elevations:
         covariance[:, 2, :] = covariance[:, :, 2] = np.nan
     values = {
         "delay": (delay, "s", "propagation delay"),
-        "azimuth": (found[:, component.AZIMUTH] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
+        "azimuth": (found["azimuth"] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
         "elevation": (
-            found[:, component.ELEVATION] if fans else np.full(len(found), np.nan),
+            found["elevation"] if several_elevations else np.full(len(found), np.nan),
             "degree",
             "elevation of arrival above the horizon",
         ),
@@ -92,12 +73,12 @@ def tabulate(
     for i, name in enumerate(PARAMETERS):
         values[f"{name}_std"] = std[:, i], values[name][1], f"standard deviation of {name.replace('_', ' ')}"
     values["clock_std"] = np.sqrt(clock), "s", "standard deviation of the clock, part of delay_std"
-    seen = amplitude * found[:, component.OFF_BORESIGHT]
-    values["snr"] = 20 * np.log10(seen) - 10 * np.log10(noise[beam]), "dB", "peak over noise power in the best beam"
-    values["misfit"] = _misfit(found, noise[beam]), "1", "residual power of the fit over that of the noise"
-    later = 20 * np.log10(c / (4 * np.pi * sounder.carrier.frequency * c * (delay + period)))
-    weak = (gain - 2 * std[:, 3] < later).astype(np.int8)
-    values["may_be_wrapped"] = weak, "1", "1 where free space allows a delay longer by a period"
+    snr = 20 * np.log10(amplitude * found["beam_gain"]) - 10 * np.log10(noise)
+    values["snr"] = snr, "dB", "peak power over noise power in the best beam"
+    values["misfit"] = _misfit(found, noise), "1", "residual power of the fit over noise power"
+    free_space = 20 * np.log10(c / (4 * np.pi * scan.sounder.carrier.frequency * c * (delay + period)))
+    weak = (gain - 2 * std[:, 3] < free_space).astype(np.int8)
+    values["may_be_wrapped"] = weak, "1", "1 where free space allows a delay longer by one period"
     columns = {
         name: ("mpc", value, {"units": units, "long_name": long_name})
         for name, (value, units, long_name) in values.items()
@@ -112,27 +93,28 @@ def tabulate(
     )
 
 
-def _misfit(found: Real, noise: Real) -> Real:
-    """Mean of the residuals in angle and in delay, where there are any."""
-    angle, delay = found[:, component.MISFIT], found[:, component.LEFT_OVER] / noise
+def _misfit(found: Paths, noise: Real) -> Real:
+    """Mean of the misfits in angle and in delay, of those that are known."""
+    angle, delay = found["misfit"], found["residual_power"] / noise
     both: Real = np.where(delay > 0, np.where(np.isnan(angle), delay, (angle + delay) / 2), angle)
     return both
 
 
-def _covariance(found: Real, noise: Real, filter_: Deembedding, wider: Real) -> Real:
+def _covariance(found: Paths, noise: Real, scan: Scan, inflation: Real) -> Real:
     """Covariance (mpc, 4, 4) of delay [s], azimuth, elevation [degree] and gain [dB]."""
-    energy = found[:, component.AMPLITUDE] ** 2 * found[:, component.ENERGY]
-    per_amplitude = NEPER / found[:, component.AMPLITUDE]
+    energy = found["amplitude"] ** 2 * found["pattern_energy"]
+    db_per_amplitude = DB_PER_NEPER / found["amplitude"]
     covariance = np.zeros((len(found), 4, 4))
-    covariance[:, 0, 0] = wider[:, 0] * noise * filter_.matched_filter.delay_variance / energy / filter_.sample_rate**2
-    up, stronger = found[:, component.ELEVATION_SPREAD], found[:, component.AMPLITUDE_SPREAD]
-    for i, j, column, scale, spread in (
-        (1, 1, component.VAR_AZIMUTH, 1.0, 0.0),
-        (2, 2, component.VAR_ELEVATION, 1.0, up**2),
-        (3, 3, component.VAR_AMPLITUDE, per_amplitude**2, stronger**2),
-        (1, 2, component.AZIMUTH_ELEVATION, 1.0, 0.0),
-        (1, 3, component.AZIMUTH_AMPLITUDE, per_amplitude, 0.0),
-        (2, 3, component.ELEVATION_AMPLITUDE, per_amplitude, up * stronger),
+    unit_variance = scan.filter_.matched_filter.delay_variance
+    covariance[:, 0, 0] = inflation[:, 0] * noise * unit_variance / energy / scan.filter_.sample_rate**2
+    elevation, amplitude = found["elevation_spread"], found["amplitude_spread"]
+    for i, j, name, scale, spread in (
+        (1, 1, "azimuth_variance", 1.0, 0.0),
+        (2, 2, "elevation_variance", 1.0, elevation**2),
+        (3, 3, "amplitude_variance", db_per_amplitude**2, amplitude**2),
+        (1, 2, "azimuth_elevation", 1.0, 0.0),
+        (1, 3, "azimuth_amplitude", db_per_amplitude, 0.0),
+        (2, 3, "elevation_amplitude", db_per_amplitude, elevation * amplitude),
     ):
-        covariance[:, i, j] = covariance[:, j, i] = (wider[:, 1] * (found[:, column] - spread) + spread) * scale
+        covariance[:, i, j] = covariance[:, j, i] = (inflation[:, 1] * (found[name] - spread) + spread) * scale
     return covariance

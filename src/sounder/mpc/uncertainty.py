@@ -1,177 +1,202 @@
-"""What arrives together with a path and is not told from it, judged by what the fit left and what is beside it."""
-
-from typing import NamedTuple
+"""Errors of a path beyond noise: other paths in the same beams within its pulse, resolved or not."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.cir.deembedding import Deembedding
 from sounder.cir.matched_filter import OVERSAMPLING
-from sounder.instrument.antenna_pattern import Pattern
-from sounder.kernels.extraction import columns
-from sounder.kernels.extraction.columns import NEAR
-from sounder.mpc.cramer_rao import gains
+from sounder.kernels.extraction.path_record import FIT_BEAMS, OVERLAP
+from sounder.mpc.cramer_rao import Band
+from sounder.mpc.scan import Scan
 
-BESIDE = 1.8, 5.4
-"""From where to where other arrivals are looked for on either side of a path, in resolution cells: 1.7 to 5 ns."""
-LOBE = 2.0
-"""Resolution cells to which the main lobe of a pulse reaches; farther off it is sidelobes and no arrival."""
+RING_START = 1.8
+"""Other arrivals are looked for on either side of a path from this distance on [resolution cell]: 1.7 ns; chosen."""
+RING_END = 5.4
+"""And up to this distance [resolution cell]: 5 ns; chosen."""
+MAIN_LOBE = 2.0
+"""How far the main lobe of a pulse reaches; farther off it is sidelobes and no arrival [resolution cell]."""
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Paths = NDArray[np.void]
+Residual = NDArray[np.complex64] | None
 
 
-class Seen(NamedTuple):
-    """How the beams see the paths.
-
-    Attributes
-    ----------
-    power : array (mpc, direction)
-        The pattern's toward each path, relative to boresight; 0 where nothing was recorded.
-    beam : array (mpc, near)
-        The beams that see each path best, at most `component.NEAR`, best first.
-    weight : array (mpc, near)
-        Their powers, of sum 1: their share in what is known of the delay.
-    """
-
-    power: Real
-    beam: Integers
-    weight: Real
+def beam_power(found: Paths, scan: Scan) -> Real:
+    """Power pattern (mpc, beam) of the beams toward the paths, relative to boresight; 0 in beams not recorded."""
+    power = 10 ** (scan.gains(found["azimuth"], found["elevation"]) / 10)
+    power[:, ~np.isfinite(scan.noise)] = 0.0
+    return power
 
 
-def widened(
-    wider: Real, found: Real, left: NDArray[np.complex64] | None, noise: Real, seen: Seen, filter_: Deembedding
-) -> Real:
-    """Variances of delay and of magnitudes, over those that noise and the fit's own residual make.
-
-    With ``v`` for the paths found, `scatter` ``q`` and `unresolved` power ``u`` over the noise ``N``, the delay's is
-    ``v max(1, q) + u / N``, that of the magnitudes, whose fit has a residual ``m`` of its own, ``v + u / (N m)``.
+def best_beams(power: Real) -> tuple[Integers, Real]:
+    """The beams (mpc, near) that see each path best, and their share (mpc, near) in what is known of its delay.
 
     Parameters
     ----------
-    wider : array (mpc, 2)
-        ``v``, from :func:`sounder.mpc.overlap.widening`.
-    found, left, noise, seen, filter_
-        As for `unresolved`.
+    power : array (mpc, beam)
+        From `beam_power`.
+    """
+    beam = np.argsort(-power, axis=1)[:, :FIT_BEAMS]
+    weight = np.take_along_axis(power, beam, axis=1)
+    return beam, weight / weight.sum(axis=1, keepdims=True)
+
+
+def variance_inflation(found: Paths, power: Real, group: Integers, residual: Residual, scan: Scan) -> Real:
+    """Variances of delay and of magnitudes, over those that noise and the fit's own residual make.
+
+    With `overlap_inflation` ``v`` for the paths found, `scatter` ``q`` and `unresolved_power` ``u`` over the noise
+    ``N``, that of the delay is ``v max(1, q) + u / N``, that of the magnitudes, whose fit has a residual ``m`` of its
+    own, ``v + u / (N m)``.
+
+    Parameters
+    ----------
+    found : array of `sounder.kernels.extraction.path_record.PATH` (mpc,)
+    power : array (mpc, beam)
+        From `beam_power`.
+    group : array (mpc,)
+        Number of the group that was fitted together, -1 for others.
+    residual : array complex (beam, delay) or None
+        The CIRs without the paths found; None where none were removed.
+    scan : Scan
 
     Returns
     -------
     array (mpc, 2)
     """
-    alone = noise[found[:, columns.BEAM].astype(int)]
-    more = unresolved(found, left, noise, seen, filter_) / alone
-    moved = np.ones(len(found)) if left is None else scatter(found, left, noise, seen, filter_)
-    residual = np.fmax(1.0, found[:, columns.MISFIT])
-    return np.stack([wider[:, 0] * np.fmax(1.0, moved) + more, wider[:, 1] + more / residual], axis=1)
+    noise = scan.noise[found["beam"]]
+    inflation = overlap_inflation(found, power, group, scan)
+    excess = unresolved_power(found, power, residual, scan) / noise
+    scattered = np.ones(len(found)) if residual is None else scatter(found, power, residual, scan)
+    misfit = np.fmax(1.0, found["misfit"])
+    return np.stack([inflation[:, 0] * np.fmax(1.0, scattered) + excess, inflation[:, 1] + excess / misfit], axis=1)
 
 
-def beams_seeing(found: Real, noise: Real, looks: tuple[Real, Real], pattern: Pattern) -> Seen:
-    """How the beams see the paths found.
+def overlap_inflation(found: Paths, power: Real, group: Integers, scan: Scan) -> Real:
+    """Variances of delay and of magnitudes beside the other paths found, over those of the path alone.
+
+    In direction ``b`` a path has the spectrum ``a p``, of unit energy ``p``, and a neighbour ``q`` of unknown phase is
+    interference of power ``r_qb`` and shape ``s_q``. With ``S = [p, s_1, ...]`` and ``L_b = diag(0, 1/r_1b, ...)``,
+
+    ``var(a_b) = [(S^H S + L_b)^-1]_00``,  ``1 / var(delay) = sum_b g_b^2 p'^H (I - S (S^H S + L_b)^-1 S^H) p'``,
+
+    for the amplitude of the path itself is unknown too. ``p'`` is the derivative by delay. The errors of the
+    neighbours' delays are left out.
 
     Parameters
     ----------
-    found : array (mpc, component.COLUMNS)
-    noise : array (beam,)
-        Noise power, NaN where nothing was recorded.
-    looks : arrays (azimuth,), (elevation,)
-        Directions of the scan [degree].
-    pattern : Pattern
+    found, power, group, scan
+        As for `variance_inflation`. Paths of one group are not counted: their errors hold each other already.
+
+    Returns
+    -------
+    array (mpc, 2)
+        At least 1, of delay and of magnitudes.
+
+    References
+    ----------
+    Scharf, Statistical Signal Processing, 1991, section 6.5.
     """
-    power = 10 ** (gains(found[:, columns.AZIMUTH], found[:, columns.ELEVATION], *looks, pattern) / 10)
-    power[:, ~np.isfinite(noise)] = 0.0
-    beam = np.argsort(-power, axis=1)[:, :NEAR]
-    weight = np.take_along_axis(power, beam, axis=1)
-    return Seen(power, beam, weight / weight.sum(axis=1, keepdims=True))
+    inflation = np.ones((len(found), 2))
+    late = scan.delay_after(found["delay"][None, :], found["delay"][:, None])
+    close = np.abs(late) < OVERLAP
+    close &= (group[:, None] != group[None, :]) | (group < 0) | np.eye(len(found), dtype=bool)
+    if close.sum() == len(found):
+        return inflation
+    strongest_snr = (scan.pattern_margin * found["amplitude"]) ** 2 / scan.noise[found["beam"]]
+    band = Band.of(scan.filter_)
+    frequency = 2 * np.pi * band.frequency / scan.filter_.sample_rate
+    spectrum = np.sqrt(band.density / band.density.sum())
+    frequency, spectrum = frequency[spectrum > 0], spectrum[spectrum > 0]
+    for p, (beams, weight) in enumerate(zip(*best_beams(power), strict=True)):
+        others = np.flatnonzero(close[p] & (np.arange(len(found)) != p))
+        if not others.size:
+            continue
+        shapes = spectrum * np.exp(-1j * np.outer(np.append(0.0, late[p, others]), frequency))
+        slope = -1j * frequency * shapes[0]
+        prior = np.zeros((beams.size, others.size + 1))
+        snr = strongest_snr[others] * power[others][:, beams].T * band.density.sum()
+        prior[:, 1:] = 1 / np.maximum(snr, 1e-12)
+        covariance = np.linalg.inv((shapes.conj() @ shapes.T)[None] + prior[:, :, None] * np.eye(others.size + 1))
+        inner = shapes.conj() @ slope
+        full = np.vdot(slope, slope).real
+        information = full - np.einsum("i,bij,j->b", inner.conj(), covariance, inner).real
+        inflation[p, 0] = (full - abs(inner[0]) ** 2) / (weight @ information)
+        inflation[p, 1] = 1 / (weight @ (1 / covariance[:, 0, 0].real))
+    return inflation
 
 
-def scatter(found: Real, left: NDArray[np.complex64], noise: Real, seen: Seen, filter_: Deembedding) -> Real:
-    """What the fits left where a shift of the delay would show, over what noise leaves there.
+def scatter(found: Paths, power: Real, residual: NDArray[np.complex64], scan: Scan) -> Real:
+    """Power of the residuals where a shift of the delay would show, over that of the noise there.
 
-    With ``s`` the slope of the matched filter and ``r_b`` what is left of beam ``b``, a shift of the path in this beam
-    shows in ``D_b = s^H r_b`` in phase with the path, and interference moves it as much in phase as in quadrature:
+    With ``s`` the slope of the matched filter and ``r_b`` the residual of beam ``b``, a shift of the path in this beam
+    shows in ``D_b = s^H r_b`` in phase with the path. Interference contributes as much in phase as in quadrature:
     ``sum_b w_b |D_b|^2 / (N_b s^H R s) / (1 - sum_b w_b^2 / 2)``, with ``R`` the correlation of the noise, is 1 for
-    one path in noise; the last factor is for the one delay that was fitted.
+    one path in noise. The last factor is for the one delay that was fitted.
 
     Parameters
     ----------
-    found : array (mpc, component.COLUMNS)
-    left : array (beam, delay)
-        The CIRs without the paths found.
-    noise : array (beam,)
-        Noise power.
-    seen : Seen
-    filter_ : Deembedding
+    found, power, residual, scan
+        As for `variance_inflation`.
 
     Returns
     -------
     array (mpc,)
     """
-    table = np.gradient(filter_.matched_filter.taps)
-    middle = table.size // 2
+    slope_table = np.gradient(scan.filter_.matched_filter.taps)
+    middle = slope_table.size // 2
     reach = middle // OVERSAMPLING - 1
     taps = np.arange(-reach, reach + 1)
-    correlation = np.fft.ifft(filter_.noise)
-    at_rest = table[middle + taps * OVERSAMPLING]
-    power = np.einsum("i,ij,j->", at_rest, correlation[taps[:, None] - taps], at_rest.conj()).real
-    shown = np.empty(len(found))
-    for p, (beam, weight) in enumerate(zip(seen.beam, seen.weight, strict=True)):
-        delay = found[p, columns.DELAY]
+    correlation = np.fft.ifft(scan.filter_.noise)
+    centred = slope_table[middle + taps * OVERSAMPLING]
+    expected = np.einsum("i,ij,j->", centred, correlation[taps[:, None] - taps], centred.conj()).real
+    scattered = np.empty(len(found))
+    for p, (beam, weight) in enumerate(zip(*best_beams(power), strict=True)):
+        delay = found["delay"][p]
         samples = int(np.floor(delay + 0.5)) + taps
-        slope = table[np.rint(middle + (samples - delay) * OVERSAMPLING).astype(int)]
-        moved = np.abs(left[beam[:, None], samples % left.shape[1]] @ slope) ** 2
-        shown[p] = np.sum(weight * np.where(weight > 0, moved / noise[beam], 0.0)) / (1 - np.sum(weight**2) / 2)
-    return shown / power
+        slope = slope_table[np.rint(middle + (samples - delay) * OVERSAMPLING).astype(int)]
+        shift = np.abs(residual[beam[:, None], samples % scan.period] @ slope) ** 2
+        mean = np.sum(weight * np.where(weight > 0, shift / scan.noise[beam], 0.0))
+        scattered[p] = mean / (1 - np.sum(weight**2) / 2)
+    return scattered / expected
 
 
-def unresolved(
-    found: Real,
-    left: NDArray[np.complex64] | None,
-    noise: Real,
-    seen: Seen,
-    filter_: Deembedding,
-) -> Real:
-    """Power that is to be expected within the pulse of each path besides its own.
+def unresolved_power(found: Paths, power: Real, residual: Residual, scan: Scan) -> Real:
+    """Power of paths that were not resolved, to be expected within the pulse of each path found.
 
-    Where paths are dense, the fit gives one path what belongs to several within its pulse, and leaves nothing that
-    would show it. How dense they are is seen on either side: the power from `BESIDE` before the path, of the paths
-    found there and of what is left over the noise where that is more than the noise, and likewise after it. Their
-    geometric mean is the density between them if it goes on evenly in decibels. One neighbour on one side, such as
-    the ground's reflection after a direct path, is no density.
+    Where paths are dense, the fit gives one path the power of several within its pulse, and no residual shows it. The
+    density is taken from either side: the power from `RING_START` to `RING_END` before the path, of the paths found
+    there and of the residual where that exceeds the noise, and likewise after it. Their geometric mean is the density
+    between them if it continues evenly in decibels. One neighbour on one side, such as the ground reflection after a
+    direct path, is no density.
 
     Parameters
     ----------
-    found : array (mpc, component.COLUMNS)
-    left : array (beam, delay) or None
-        The CIRs without the paths found; None where none were taken out.
-    noise : array (beam,)
-        Noise power.
-    seen : Seen
-    filter_ : Deembedding
+    found, power, residual, scan
+        As for `variance_inflation`.
 
     Returns
     -------
     array (mpc,)
         Mean over the beams by their weight, in the units of the noise power.
     """
-    size = filter_.weight.size
-    cell = 1 / np.ptp(np.fft.fftfreq(size)[filter_.weight > 0])
-    nearest, farthest = (round(cells * cell) for cells in BESIDE)
-    ring = np.arange(nearest, farthest + 1)
-    pulse = np.abs(filter_.matched_filter.pulse) ** 2
-    axis = (np.arange(pulse.size) - pulse.size // 2) / OVERSAMPLING
-    pulse[np.abs(axis) > LOBE * cell] = 0.0
-    power = seen.power * found[:, columns.AMPLITUDE, None] ** 2
+    ring = np.arange(round(RING_START * scan.resolution), round(RING_END * scan.resolution) + 1)
+    pulse = np.abs(scan.filter_.matched_filter.pulse) ** 2
+    lag = (np.arange(pulse.size) - pulse.size // 2) / OVERSAMPLING
+    pulse[np.abs(lag) > MAIN_LOBE * scan.resolution] = 0.0
+    received = power * found["amplitude"][:, None] ** 2
     density = np.empty((len(found), 2))
-    for p, (beam, weight) in enumerate(zip(seen.beam, seen.weight, strict=True)):
-        late = (found[:, columns.DELAY] - found[p, columns.DELAY] + size / 2) % size - size / 2
-        others = np.flatnonzero((np.abs(late) < farthest + LOBE * cell) & (np.arange(len(found)) != p))
-        theirs = power[others][:, beam] @ weight
-        own = weight @ np.where(weight > 0, noise[beam], 0.0)
-        start = int(np.floor(found[p, columns.DELAY] + 0.5))
+    for p, (beam, weight) in enumerate(zip(*best_beams(power), strict=True)):
+        delay = found["delay"][p]
+        late = scan.delay_after(found["delay"], delay)
+        near = np.abs(late) < ring[-1] + MAIN_LOBE * scan.resolution
+        others = np.flatnonzero(near & (np.arange(len(found)) != p))
+        theirs = received[others][:, beam] @ weight
+        noise = weight @ np.where(weight > 0, scan.noise[beam], 0.0)
+        start = int(np.floor(delay + 0.5))
         for side, samples in enumerate((-ring, ring)):
-            density[p, side] = theirs @ np.interp(samples - late[others, None], axis, pulse, 0, 0).mean(axis=1)
-            if left is not None:
-                around = np.abs(left[beam[:, None], (start + samples) % size]) ** 2
-                rest = weight @ np.where(weight > 0, around.mean(axis=1), 0.0) - own
-                density[p, side] += rest if rest > own else 0.0
+            density[p, side] = theirs @ np.interp(samples - late[others, None], lag, pulse, 0, 0).mean(axis=1)
+            if residual is not None:
+                around = np.abs(residual[beam[:, None], (start + samples) % scan.period]) ** 2
+                excess = weight @ np.where(weight > 0, around.mean(axis=1), 0.0) - noise
+                density[p, side] += excess if excess > noise else 0.0
     return np.sqrt(density[:, 0] * density[:, 1])

@@ -3,203 +3,189 @@
 import math
 
 from sounder.kernels.compiler.compile import part
-from sounder.kernels.extraction.beam_fit import AMPLITUDE, AZIMUTH, ELEVATION, fit_angles
-from sounder.kernels.extraction.columns import AMPLITUDE_SPREAD, ELEVATION_SPREAD, NEAR, STARTS, Real, Work
+from sounder.kernels.extraction.beam_fit import fit_angles
 from sounder.kernels.extraction.delay_fit import magnitude_variance
-from sounder.kernels.extraction.scan_view import (
-    AROUND,
-    BEAMWIDTH,
-    HIGHEST,
-    LOOK_AZIMUTH,
-    LOOK_ELEVATION,
-    LOWEST,
-    N_AZIMUTHS,
-    N_ELEVATIONS,
-    NOISE,
-    REACH,
-    View,
-    aim,
-    pattern,
-)
-from sounder.kernels.extraction.sidelobe_check import judge
+from sounder.kernels.extraction.path_record import FIT_BEAMS, Path
+from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
+from sounder.kernels.extraction.sidelobe_check import sidelobe_misfit
+from sounder.kernels.extraction.workspace import TRIALS, Workspace
 
-COST, HEARD = 3, 4
-"""Columns of `Work.tried` after azimuth, elevation and amplitude: squared residuals, and the far beams' judgement."""
-PLAUSIBLE = 9.0
-"""Squared residuals, in variances, at which the far beams exclude a direction: 3 deviations."""
-LIKELY = 6.0
-"""The same by which another direction is 20 times less likely, and no longer an error of the one chosen."""
-RARER = 4.0 / math.log(10.0)
+EXCLUSION = 9.0
+"""Sidelobe misfit that excludes a direction: 3 standard deviations."""
+ALTERNATIVE = 6.0
+"""Squared residuals, in variances, by which another direction is 20 times less likely (``2 ln 20``). It is then no
+longer an error of the one chosen."""
+STRENGTH_PRIOR = 4.0 / math.log(10.0)
 """The same by which a path e times as strong is less likely beforehand: of every 10 dB more there are e times fewer."""
-TOLD = 4.0
-"""Squared deviations by which the far beams must speak for another direction before they are believed: 2."""
-CLEARLY = 0.25
-"""Residual power, relative to that of a fit from the beam's own direction, at which a fit from outside the fan wins."""
-EXPLORE, SETTLE = 8.0, 20.0
-"""Most steps of a fit from one of several starts, and of the last from the best of them."""
-SURELY = 1.0
-"""By how much, in units of the noise power over the pattern's amplitude out there, it must be smaller besides. Just
-above the fan 2 to 4 noise powers suffice, 2 to 3 standard deviations of the magnitudes; far out, where a path would
-have to be 20 dB stronger than it looks, 10."""
+MIN_SIDELOBE_EVIDENCE = 4.0
+"""Decrease of the sidelobe misfit from which on the far beams may decide for another direction: 2 deviations."""
+MAX_RESIDUAL_RATIO = 0.25
+"""Squared residuals of a fit outside the fan, relative to those of the best inside, under which it wins; chosen."""
+TRIAL_STEPS = 8.0
+"""Steps of a fit from one of several starts, at most."""
+FINAL_STEPS = 20.0
+"""Steps of the last fit, at most."""
 
 
 @part
-def search_angles(b: int, view: View, work: Work, row: Real) -> None:
-    """Fit the angles; at the edge of the fan from several directions. ``work.bounds`` are those of the best fit.
+def search_angles(b: int, view: ScanView, work: Workspace, free: tuple[float, float], path: Path) -> None:
+    """Fit the angles; at the edge of the fan from several directions.
 
-    Beyond the edge the pattern's floor makes further minima: start from several angles, the beam's own first, and that
-    one kept within half its power.
+    Fills ``path`` with the best direction, the bounds of its fit, and the spread of those not excluded. Beyond the edge
+    of the fan the pattern's floor makes further minima: start from several angles, the beam's own first, and that one
+    kept within half its power.
     """
-    azimuth, elevation = view.beam[b, LOOK_AZIMUTH], view.beam[b, LOOK_ELEVATION]
-    lowest, highest, reach = view.limits[LOWEST], view.limits[HIGHEST], view.limits[REACH]
-    row_of_scan = b % view.grid[N_ELEVATIONS]
-    top = row_of_scan == view.grid[N_ELEVATIONS] - 1
+    azimuth, elevation = view.beams[b].azimuth, view.beams[b].elevation
+    row_of_scan = b % view.elevations
+    top = row_of_scan == view.elevations - 1
     outward = 1.0 if top else -1.0
-    starts = STARTS if work.free[1] > 0.0 and (top or row_of_scan == 0) else 1
-    edge = elevation + 0.5 * outward * view.limits[BEAMWIDTH]
-    angles, tried = work.fit, work.tried
-    for start in range(starts):
-        tilt, turn = (start + 2) // 3, start % 3 - 1 if start else 0
-        angles[0] = azimuth + 0.4 * turn * reach
-        up = elevation + 0.5 * outward * tilt * view.limits[BEAMWIDTH]
-        angles[1] = lowest if up < lowest else highest if up > highest else up
-        within_fan = start == 0 and starts > 1
-        lower = edge if within_fan and outward < 0 else lowest
-        upper = edge if within_fan and outward > 0 else highest
-        bound(b, view, work, lower, upper)
-        tried[start, COST] = fit_beams(b, view, work, EXPLORE)
-        for column in range(3):
-            tried[start, column] = angles[column]
-        tried[start, HEARD] = judge(view, work) if starts > 1 else 0.0
-    best = _choose(b, view, work, starts, outward, edge, row)
-    angles[0], angles[1] = tried[best, AZIMUTH], tried[best, ELEVATION]
-    within_fan = best == 0 and starts > 1
-    lower = edge if within_fan and outward < 0 else lowest
-    upper = edge if within_fan and outward > 0 else highest
-    bound(b, view, work, lower, upper)
+    trials = TRIALS if free[1] > 0.0 and (top or row_of_scan == 0) else 1
+    edge = elevation + 0.5 * outward * view.beamwidth
+    for number in range(trials):
+        tilt, turn = (number + 2) // 3, number % 3 - 1 if number else 0
+        path.azimuth = azimuth + 0.4 * turn * view.azimuth_reach
+        up = elevation + 0.5 * outward * tilt * view.beamwidth
+        path.elevation = view.lowest if up < view.lowest else view.highest if up > view.highest else up
+        _bound(number == 0 and trials > 1, outward, edge, view, path)
+        trial = work.trials[number]
+        trial.squares = fit_near(b, view, work, free, TRIAL_STEPS, path)
+        trial.azimuth, trial.elevation, trial.amplitude = path.azimuth, path.elevation, path.amplitude
+        trial.sidelobe_misfit = sidelobe_misfit(view, work, path) if trials > 1 else 0.0
+    best = _choose(b, view, work, trials, outward, edge, path)
+    path.azimuth, path.elevation = work.trials[best].azimuth, work.trials[best].elevation
+    _bound(best == 0 and trials > 1, outward, edge, view, path)
 
 
 @part
-def fit_beams(b: int, view: View, work: Work, steps: float) -> float:
-    """Fit the angles in ``work.fit`` to the magnitudes in the beams of the fit; return the squared residuals."""
-    noise = magnitude_variance(view, b)
-    scratch = work.direction, work.slopes, work.sums
-    return fit_angles(view, work.magnitude, work.near, noise, work.bounds, work.free, steps, *scratch, work.fit)
+def _bound(within_fan: bool, outward: float, edge: float, view: ScanView, path: Path) -> None:
+    """Set the elevations between which a path is fitted."""
+    path.lowest_elevation = edge if within_fan and outward < 0 else view.lowest
+    path.highest_elevation = edge if within_fan and outward > 0 else view.highest
 
 
 @part
-def _choose(b: int, view: View, work: Work, starts: int, outward: float, edge: float, row: Real) -> int:
-    """Choose among the directions tried; what is not excluded is an error of the result, kept in ``row``.
+def fit_near(
+    b: int, view: ScanView, work: Workspace, free: tuple[float, float], max_steps: float, path: Path
+) -> float:
+    """Fit the angles to the magnitudes in the beams about one, within the bounds of the path; see `fit_angles`."""
+    azimuth = view.beams[b].azimuth
+    bounds = (
+        azimuth - view.azimuth_reach,
+        azimuth + view.azimuth_reach,
+        path.lowest_elevation,
+        path.highest_elevation,
+    )
+    return fit_angles(view, work.magnitude, work.near, magnitude_variance(view, b), bounds, free, max_steps, path)
+
+
+@part
+def _choose(b: int, view: ScanView, work: Workspace, trials: int, outward: float, edge: float, path: Path) -> int:
+    """Choose among the directions tried; the spread of those not excluded is kept in ``path``.
 
     A direction further out than the beam's own half power must fit clearly and surely better than the best within:
     neither interference nor noise must turn a weak path into a strong one out there. Or the far beams must speak for
     it, and not against it.
+
+    Surely is by one noise power over the pattern's power out there. Just above the fan that is 2 to 3 standard
+    deviations of the magnitudes; far out, where a path would have to be 20 dB stronger than it looks, 10.
     """
-    tried, inside, best = work.tried, 0, -1
-    noise = view.beam[b, NOISE]
-    for start in range(1, starts):
-        out = outward * tried[start, ELEVATION]
-        if out <= outward * edge and tried[start, COST] < tried[inside, COST]:
-            nearer = out <= outward * tried[0, ELEVATION]
-            if nearer or tried[start, COST] < tried[inside, COST] - SURELY * noise / _seen(b, view, work, start):
-                inside = start
-    variance = _variance(view, work, b, tried[inside, COST])
-    silent = tried[inside, HEARD] if tried[inside, HEARD] < PLAUSIBLE else PLAUSIBLE
-    for start in range(1, starts):
-        cost, heard = tried[start, COST], silent - tried[start, HEARD]
-        if outward * tried[start, ELEVATION] <= outward * edge or heard < -PLAUSIBLE:
+    tried, inside, best = work.trials, 0, -1
+    noise = view.beams[b].noise
+    for i in range(1, trials):
+        out = outward * tried[i].elevation
+        if out <= outward * edge and tried[i].squares < tried[inside].squares:
+            nearer = out <= outward * tried[0].elevation
+            if nearer or tried[i].squares < tried[inside].squares - noise / _pattern_toward(b, view, work, i):
+                inside = i
+    variance = _variance(view, work, b, tried[inside].squares)
+    at_most = tried[inside].sidelobe_misfit if tried[inside].sidelobe_misfit < EXCLUSION else EXCLUSION
+    for i in range(1, trials):
+        squares, evidence = tried[i].squares, at_most - tried[i].sidelobe_misfit
+        if outward * tried[i].elevation <= outward * edge or evidence < -EXCLUSION:
             continue
-        fits = cost < CLEARLY * tried[inside, COST]
-        fits = fits and cost < tried[inside, COST] - SURELY * noise / _seen(b, view, work, start)
-        told = heard > TOLD and cost < tried[inside, COST] + variance * heard
-        if (told or fits) and (best < 0 or _total(work, start, variance) < _total(work, best, variance)):
-            best = start
+        fits = squares < MAX_RESIDUAL_RATIO * tried[inside].squares
+        fits = fits and squares < tried[inside].squares - noise / _pattern_toward(b, view, work, i)
+        supported = evidence > MIN_SIDELOBE_EVIDENCE and squares < tried[inside].squares + variance * evidence
+        if (supported or fits) and (best < 0 or _total(work, i, variance) < _total(work, best, variance)):
+            best = i
     if best < 0:
         best = inside
-    variance = _variance(view, work, b, tried[best, COST])
-    most = _total(work, best, variance) + LIKELY * variance
-    row[ELEVATION_SPREAD] = row[AMPLITUDE_SPREAD] = 0.0
-    for start in range(starts):
-        ratio = math.log(tried[start, AMPLITUDE] / tried[best, AMPLITUDE])
-        if _total(work, start, variance) + RARER * ratio * variance < most:
-            further = tried[start, ELEVATION] - tried[best, ELEVATION]
-            stronger = tried[best, AMPLITUDE] * ratio
-            if abs(further) > abs(row[ELEVATION_SPREAD]):
-                row[ELEVATION_SPREAD] = further
-            if abs(stronger) > abs(row[AMPLITUDE_SPREAD]):
-                row[AMPLITUDE_SPREAD] = stronger
+    variance = _variance(view, work, b, tried[best].squares)
+    most = _total(work, best, variance) + ALTERNATIVE * variance
+    path.elevation_spread = path.amplitude_spread = 0.0
+    for i in range(trials):
+        ratio = math.log(tried[i].amplitude / tried[best].amplitude)
+        if _total(work, i, variance) + STRENGTH_PRIOR * ratio * variance < most:
+            further = tried[i].elevation - tried[best].elevation
+            stronger = tried[best].amplitude * ratio
+            if abs(further) > abs(path.elevation_spread):
+                path.elevation_spread = further
+            if abs(stronger) > abs(path.amplitude_spread):
+                path.amplitude_spread = stronger
     return best
 
 
 @part
-def _total(work: Work, start: int, variance: float) -> float:
+def _total(work: Workspace, number: int, variance: float) -> float:
     """Squared residuals of a direction tried in the beams about it, and in those far from it."""
-    return work.tried[start, COST] + variance * work.tried[start, HEARD]
+    return work.trials[number].squares + variance * work.trials[number].sidelobe_misfit
 
 
 @part
-def _seen(b: int, view: View, work: Work, start: int) -> float:
+def _pattern_toward(b: int, view: ScanView, work: Workspace, number: int) -> float:
     """Amplitude of a beam's pattern toward a direction tried."""
-    aim(work.tried[start, AZIMUTH], work.tried[start, ELEVATION], work.direction)
-    return pattern(view, work.direction, b, work.slopes)
+    return pattern(view, b, toward(work.trials[number].azimuth, work.trials[number].elevation))[0]
 
 
 @part
-def _variance(view: View, work: Work, b: int, cost: float) -> float:
-    """Variance of the magnitudes: the larger of the noise's and what a fit left."""
-    left = -2.0
-    for i in range(NEAR):
+def _variance(view: ScanView, work: Workspace, b: int, squares: float) -> float:
+    """Variance of the magnitudes: the larger of that of the noise and the mean squared residual."""
+    freedom = -3.0
+    for i in range(FIT_BEAMS):
         if work.near[i] < 0:
             break
-        left += 1.0
+        freedom += 1.0
     variance = magnitude_variance(view, b)
-    return cost / (left - 1.0) if left > 1.0 and cost / (left - 1.0) > variance else variance
+    return squares / freedom if freedom > 0.0 and squares / freedom > variance else variance
 
 
 @part
-def neighbours(b: int, view: View, work: Work) -> None:
-    """List a beam and those around it that were recorded, and tell which angles they determine."""
-    n_azimuths, n_elevations, around = view.grid[N_AZIMUTHS], view.grid[N_ELEVATIONS], view.grid[AROUND]
-    a, e = b // n_elevations, b % n_elevations
+def list_neighbours(b: int, view: ScanView, work: Workspace) -> tuple[float, float]:
+    """List a beam and those around it that were recorded; return 1 for each angle that they determine, else 0."""
+    a, e = b // view.elevations, b % view.elevations
     count = 0
-    work.free[0] = work.free[1] = 0.0
+    free_azimuth = free_elevation = 0.0
     for da in range(-1, 2):
         for de in range(-1, 2):
             na, ne = a + da, e + de
-            if around:
-                na = na % n_azimuths
-            if na < 0 or na >= n_azimuths or ne < 0 or ne >= n_elevations:
+            if view.full_circle:
+                na = na % view.azimuths
+            if na < 0 or na >= view.azimuths or ne < 0 or ne >= view.elevations:
                 continue
-            if n_azimuths < 3 and da == 1 and around:
+            if view.azimuths < 3 and da == 1 and view.full_circle:
                 continue  # the same beam as da == -1
-            other = na * n_elevations + ne
-            if math.isnan(view.beam[other, NOISE]):
+            other = na * view.elevations + ne
+            if math.isnan(view.beams[other].noise):
                 continue
             work.near[count] = other
             count += 1
             if da != 0:
-                work.free[0] = 1.0
+                free_azimuth = 1.0
             if de != 0:
-                work.free[1] = 1.0
+                free_elevation = 1.0
     work.near[count] = -1
+    return free_azimuth, free_elevation
 
 
 @part
-def bound(b: int, view: View, work: Work, lower: float, upper: float) -> None:
-    """Set the bounds of a fit: about the beam in azimuth, as given in elevation."""
-    azimuth, reach = view.beam[b, LOOK_AZIMUTH], view.limits[REACH]
-    work.bounds[0], work.bounds[1], work.bounds[2], work.bounds[3] = azimuth - reach, azimuth + reach, lower, upper
-
-
-@part
-def weigh(view: View, work: Work) -> float:
-    """Weigh the beams of the fit with their patterns toward its direction; return the sum of squares."""
-    aim(work.fit[AZIMUTH], work.fit[ELEVATION], work.direction)
+def weigh_beams(view: ScanView, work: Workspace, path: Path) -> float:
+    """Weigh the beams of the fit with their patterns toward a path; return the sum of squares."""
+    direction = toward(path.azimuth, path.elevation)
     energy = 0.0
-    for i in range(NEAR):
+    for i in range(FIT_BEAMS):
         if work.near[i] < 0:
             break
-        weight = pattern(view, work.direction, work.near[i], work.slopes)
+        weight = pattern(view, work.near[i], direction)[0]
         work.weight[i] = weight
         energy += weight * weight
     return energy

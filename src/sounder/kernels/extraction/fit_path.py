@@ -1,107 +1,89 @@
-"""One path in the beams: fit it, take it out, put it back."""
+"""One path in the beams: put it back, fit it, take it out."""
 
 import math
 
 from sounder.kernels.compiler.compile import part
-from sounder.kernels.extraction import beam_fit
-from sounder.kernels.extraction.angle_search import SETTLE, bound, fit_beams, neighbours, search_angles, weigh
-from sounder.kernels.extraction.columns import (
-    AMPLITUDE,
-    AMPLITUDE_SPREAD,
-    ANEW,
-    AZIMUTH,
-    BEAM,
-    DELAY,
-    ELEVATION,
-    ELEVATION_AMPLITUDE,
-    ELEVATION_SPREAD,
-    ENERGY,
-    LEFT_OVER,
-    LOWER,
-    OFF_BORESIGHT,
-    UPPER,
-    VAR_AMPLITUDE,
-    VAR_ELEVATION,
-    Beams,
-    Real,
-    Work,
+from sounder.kernels.extraction.angle_search import (
+    FINAL_STEPS,
+    fit_near,
+    list_neighbours,
+    search_angles,
+    weigh_beams,
 )
-from sounder.kernels.extraction.delay_fit import climb, measure, tune
-from sounder.kernels.extraction.pulse import add, match, power, power_around, sample
-from sounder.kernels.extraction.scan_view import NOISE, OVER, View, aim, pattern
-from sounder.kernels.extraction.sidelobe_check import listen
+from sounder.kernels.extraction.delay_fit import measure_magnitudes, refine_delay, set_filter
+from sounder.kernels.extraction.path_record import Path
+from sounder.kernels.extraction.pulse import Cir, add, match, power, power_around, sample
+from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
+from sounder.kernels.extraction.sidelobe_check import measure_sidelobes
+from sounder.kernels.extraction.workspace import Workspace
+
+MIN_REMOVED = 0.1
+"""A path is taken out of beams in which the pattern predicts it above this power [noise power]; chosen."""
 
 
 @part
-def fit(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int, takes: bool) -> None:
-    """Put path ``i`` back into the beams, fit it to what the others left and, if ``takes``, take it out again.
+def update_path(cir: Cir, view: ScanView, work: Workspace, path: Path, removed: Cir, i: int, removes: bool) -> None:
+    """Put path ``i`` back into the beams, fit it to what the others left and, if ``removes``, take it out again.
 
-    ``row`` and ``taken[i]`` hold the path; of one that is new, the beam, a first delay, and zeros.
+    ``path`` and ``removed[i]`` hold the path; of one that is new, the beam, a first delay, and zeros.
     """
-    first = sample(view.pulse, view.grid[OVER], row[DELAY], work.pulse)
-    for b in range(beams.shape[0]):
-        if taken[i, b] != 0:
-            add(beams, b, first, work.pulse, complex(taken[i, b]))  # in double precision, as `_take` adds it
-    _measure(beams, view, work, row)
-    if takes:
-        _take(beams, view, margin, work, row, taken, i)
-        row[LEFT_OVER] = power_around(beams, int(row[BEAM]), row[DELAY])
+    first = sample(view.pulse, view.oversampling, path.delay, work.pulse)
+    for b in range(cir.shape[0]):
+        if removed[i, b] != 0:
+            add(cir, b, first, work.pulse, complex(removed[i, b]))  # in double precision, as `_remove` adds it
+    _fit(cir, view, work, path)
+    if removes:
+        _remove(cir, view, work, path, removed, i)
+        path.residual_power = power_around(cir, path.beam, path.delay)
 
 
 @part
-def _measure(beams: Beams, view: View, work: Work, row: Real) -> None:
+def _fit(cir: Cir, view: ScanView, work: Workspace, path: Path) -> None:
     """Delay and angles from the beam that a path was found in and its neighbours, each given the other.
 
-    ``row`` holds the beam and a first delay and, unless they are to be searched anew, the angles. With a phase of
+    ``path`` holds the beam and a first delay and, unless they are to be searched anew, the angles. With a phase of
     its own in every beam, the likelihood is largest where ``sum_b g_b |c_b(delay)|`` is, ``c_b`` being the output of
     the matched filter and ``g_b`` the pattern.
     """
-    b = int(row[BEAM])
-    delay = row[DELAY]
-    angles = work.fit
-    if row[ANEW] > 0.0:
+    b, delay = path.beam, path.delay
+    if path.search_angles:
         work.near[0], work.near[1], work.weight[0] = b, -1, 1.0
-        delay = climb(beams, view, work, delay, 0.5)
-        neighbours(b, view, work)
-        measure(beams, view, work, delay)
-        listen(beams, view, work, b, delay)
-        search_angles(b, view, work, row)
+        delay = refine_delay(cir, view, work, delay, 0.5)
+        free = list_neighbours(b, view, work)
+        measure_magnitudes(cir, view, work, delay)
+        measure_sidelobes(cir, view, work, b, delay)
+        search_angles(b, view, work, free, path)
     else:
-        neighbours(b, view, work)
-        angles[beam_fit.AZIMUTH], angles[beam_fit.ELEVATION] = row[AZIMUTH], row[ELEVATION]
-        bound(b, view, work, row[LOWER], row[UPPER])
-    weigh(view, work)
-    delay = climb(beams, view, work, delay, 0.15)
-    measure(beams, view, work, delay)
-    fit_beams(b, view, work, SETTLE)
-    for column in range(beam_fit.RESULTS):
-        row[AZIMUTH + column] = angles[column]
-    row[VAR_ELEVATION] += row[ELEVATION_SPREAD] * row[ELEVATION_SPREAD]
-    row[VAR_AMPLITUDE] += row[AMPLITUDE_SPREAD] * row[AMPLITUDE_SPREAD]
-    row[ELEVATION_AMPLITUDE] += row[ELEVATION_SPREAD] * row[AMPLITUDE_SPREAD]
-    row[DELAY], row[LOWER], row[UPPER] = delay, work.bounds[2], work.bounds[3]
-    row[ENERGY] = weigh(view, work)
-    row[OFF_BORESIGHT] = pattern(view, work.direction, b, work.slopes)
+        free = list_neighbours(b, view, work)
+    weigh_beams(view, work, path)
+    delay = refine_delay(cir, view, work, delay, 0.15)
+    measure_magnitudes(cir, view, work, delay)
+    fit_near(b, view, work, free, FINAL_STEPS, path)
+    path.elevation_variance += path.elevation_spread * path.elevation_spread
+    path.amplitude_variance += path.amplitude_spread * path.amplitude_spread
+    path.elevation_amplitude += path.elevation_spread * path.amplitude_spread
+    path.delay = delay
+    path.pattern_energy = weigh_beams(view, work, path)
+    path.beam_gain = pattern(view, b, toward(path.azimuth, path.elevation))[0]
 
 
 @part
-def _take(beams: Beams, view: View, margin: float, work: Work, row: Real, taken: Beams, i: int) -> None:
-    """Take path ``i`` out of every beam in which the pattern lets it stand above a tenth of the noise."""
-    first = tune(view, work, row[DELAY])
-    first_of_pulse = sample(view.pulse, view.grid[OVER], row[DELAY], work.pulse)
-    found_in = int(row[BEAM])
-    aim(row[AZIMUTH], row[ELEVATION], work.direction)
-    for b in range(beams.shape[0]):
-        taken[i, b] = 0
-        noise = view.beam[b, NOISE]
+def _remove(cir: Cir, view: ScanView, work: Workspace, path: Path, removed: Cir, i: int) -> None:
+    """Take path ``i`` out of every beam in which it stands above `MIN_REMOVED`."""
+    first = set_filter(view, work, path.delay)
+    first_of_pulse = sample(view.pulse, view.oversampling, path.delay, work.pulse)
+    direction = toward(path.azimuth, path.elevation)
+    for b in range(cir.shape[0]):
+        removed[i, b] = 0
+        noise = view.beams[b].noise
         if math.isnan(noise):
             continue
-        predicted = row[AMPLITUDE] * pattern(view, work.direction, b, work.slopes)
-        if predicted * predicted < 0.1 * noise and b != found_in:
+        predicted = path.amplitude * pattern(view, b, direction)[0]
+        if predicted * predicted < MIN_REMOVED * noise and b != path.beam:
             continue
-        amplitude = match(beams, b, first, work.matched)
+        amplitude = match(cir, b, first, work.matched)
         size = math.sqrt(power(amplitude))
-        if size > margin * predicted and b != found_in:
+        if size > view.margin_above * predicted and b != path.beam:
             amplitude = complex(amplitude.real * predicted / size, amplitude.imag * predicted / size)
-        taken[i, b] = amplitude
-        add(beams, b, first_of_pulse, work.pulse, -amplitude)
+        removed[i, b] = amplitude
+        add(cir, b, first_of_pulse, work.pulse, -amplitude)

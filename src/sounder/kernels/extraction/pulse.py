@@ -1,6 +1,6 @@
 """A pulse of known shape in a row of samples: its value at the samples around a delay, and sums over these.
 
-The pulse is tabulated ``over`` times a sample and linear between; delays are circular.
+The pulse is tabulated ``oversampling`` times a sample and linear between; delays are circular.
 """
 
 import math
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from sounder.kernels.compiler.compile import part
 
-Beams = npt.NDArray[np.complex64]
+Cir = npt.NDArray[np.complex64]
 Table = npt.NDArray[np.complex128]
 
 
@@ -34,13 +34,13 @@ def nearest(delay: float) -> int:
 
 
 @part
-def sample(table: Table, over: int, delay: float, taps: Table) -> int:
+def sample(table: Table, oversampling: int, delay: float, taps: Table) -> int:
     """Fill ``taps`` with the pulse at the samples around ``delay``; return the first of these, maybe negative.
 
     The table holds one sample more to either side than there are taps to either side of the middle one.
     """
     first = nearest(delay) - taps.size // 2
-    place = (first - delay) * over + 0.5 * (table.size - 1)
+    place = (first - delay) * oversampling + 0.5 * (table.size - 1)
     left = math.floor(place)
     right = place - left
     for i in range(taps.size):
@@ -48,18 +48,18 @@ def sample(table: Table, over: int, delay: float, taps: Table) -> int:
         taps[i] = complex(
             here.real * (1.0 - right) + there.real * right, here.imag * (1.0 - right) + there.imag * right
         )
-        left += over
+        left += oversampling
     return first
 
 
 @part
-def match(beams: Beams, b: int, first: int, taps: Table) -> complex:
+def match(cir: Cir, b: int, first: int, taps: Table) -> complex:
     """Sum of a beam's samples times taps, without conjugation."""
     total = 0j
-    size = beams.shape[1]
+    size = cir.shape[1]
     k = first % size
     for i in range(taps.size):
-        total += times(complex(beams[b, k]), taps[i])
+        total += times(complex(cir[b, k]), taps[i])
         k += 1
         if k == size:
             k = 0
@@ -67,23 +67,23 @@ def match(beams: Beams, b: int, first: int, taps: Table) -> complex:
 
 
 @part
-def add(beams: Beams, b: int, first: int, taps: Table, amplitude: complex) -> None:
+def add(cir: Cir, b: int, first: int, taps: Table, amplitude: complex) -> None:
     """Add a pulse to a beam."""
-    size = beams.shape[1]
+    size = cir.shape[1]
     k = first % size
     for i in range(taps.size):
-        beams[b, k] += times(amplitude, taps[i])
+        cir[b, k] += times(amplitude, taps[i])
         k += 1
         if k == size:
             k = 0
 
 
 @part
-def power_around(beams: Beams, b: int, delay: float) -> float:
+def power_around(cir: Cir, b: int, delay: float) -> float:
     """Mean power within two samples of a delay."""
-    size = beams.shape[1]
+    size = cir.shape[1]
     centre = nearest(delay)
     total = 0.0
     for k in range(centre - 2, centre + 3):
-        total += power(complex(beams[b, k % size]))
+        total += power(complex(cir[b, k % size]))
     return total / 5

@@ -2,67 +2,64 @@
 
 A path of amplitude ``a`` from direction ``w`` at delay ``d`` appears in every beam ``b`` as ``a g(w - w_b) p(t - d)``
 with a phase of its own, since the phase drifts while the horn turns. Each beam's complex amplitude is therefore
-fitted anew, and trusted as long as its magnitude is no more than ``margin`` times what the pattern allows: so a
+fitted anew, and trusted as long as its magnitude is no more than a margin times what the pattern allows: so a
 stronger path's sidelobes, in angle and in delay, go with it, and another path that arrives at the same time stays.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from sounder.kernels.compiler.compile import jit, part
-from sounder.kernels.extraction.columns import (
-    AMPLITUDE,
-    ANEW,
-    AZIMUTH,
-    BEAM,
-    DELAY,
-    ELEVATION,
-    OFF_BORESIGHT,
-    Beams,
-    Real,
-    Work,
-)
-from sounder.kernels.extraction.fit_path import fit
+from sounder.kernels.extraction.fit_path import update_path
+from sounder.kernels.extraction.path_record import OVERLAP, Path, Paths
 from sounder.kernels.extraction.peak_search import (
-    LEVEL,
-    OFFSET,
-    Integers,
-    Limits,
     Search,
-    highest,
-    mark,
+    expect_remainder,
+    highest_peak,
     search_around,
     search_block,
 )
-from sounder.kernels.extraction.scan_view import REACH, View, aim, pattern
+from sounder.kernels.extraction.pulse import Cir
+from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
+from sounder.kernels.extraction.workspace import Workspace
 
-TAKES, TOGETHER, PASSES = range(3)
-"""Entries of ``effort``: whether paths are taken out of the beams, how often those that share samples with a new one
-are fitted again, and how often all are in the end."""
-SHARED = 6
-"""Samples between two paths under which a fit of one has samples of the other in it."""
+
+class Effort(NamedTuple):
+    """What is done about paths that overlap.
+
+    Attributes
+    ----------
+    removes : int
+        1 if paths are taken out of the beams, else 0.
+    refits : int
+        How often the paths that share samples with a new one are fitted again.
+    passes : int
+        How often all paths are fitted again in the end.
+    """
+
+    removes: int
+    refits: int
+    passes: int
 
 
 @jit
 def cancel(
-    beams: Beams, view: View, limits: Limits, effort: Integers, work: Work, search: Search, found: Real, taken: Beams
+    cir: Cir, view: ScanView, effort: Effort, work: Workspace, search: Search, found: Paths, removed: Cir
 ) -> tuple[int, bool]:
-    """Extract paths from the CIRs of all beams; ``beams`` holds what is left.
+    """Extract paths from the CIRs of all beams; ``cir`` holds what is left.
 
     Parameters
     ----------
-    beams : array (beam, delay)
+    cir : array (beam, delay)
         CIRs, azimuth-major; NaN rows are beams that were not recorded.
-    view : View
-        What the beams see a path with.
-    limits : Limits
-        When a peak is a path.
-    effort : array (3,)
-        What is done about paths that overlap: see `TAKES`.
-    work, search : Work, Search
-        Scratch, from `work_of` and `search_of`.
-    found : array (capacity, COLUMNS)
+    view : ScanView
+    effort : Effort
+    work, search : Workspace, Search
+        From `workspace` and `new_search`.
+    found : array of `PATH` (capacity,)
         Filled with the paths.
-    taken : array (capacity, beam)
+    removed : array (capacity, beam)
         Filled with the amplitude that was taken out of each beam.
 
     Returns
@@ -72,107 +69,106 @@ def cancel(
     complete : bool
         False where peaks were left when ``found`` was full.
     """
-    takes = effort[TAKES] != 0
-    n_beams, n_delays = beams.shape
+    n_beams, n_delays = cir.shape
     period = float(n_delays)
     n_blocks = search.peak.shape[1]
-    capacity = found.shape[0]
+    capacity = found.size
+    removes = effort.removes != 0
     for b in range(n_beams):
         for block in range(n_blocks):
-            search_block(beams, limits, search, b, block)
-    reach = 3 * view.limits[REACH]
+            search_block(cir, view, search, b, block)
+    reach = 3 * view.azimuth_reach
     count = 0 * capacity  # a literal would have every part that takes it compiled twice
     for _ in range(4 * capacity):  # every round takes at least one peak away
-        b, block = highest(search.peak)
+        b, block = highest_peak(search.peak)
         if count == capacity or search.peak[b, block] <= 0.0:
             break
-        k = search.where[b, block]
-        row = found[count]
-        row[BEAM], row[DELAY] = b, k
-        row[ANEW] = 1.0
+        k = search.delay[b, block]
+        path = found[count]
+        path.beam, path.delay, path.search_angles = b, k, True
         for each in range(n_beams):
-            taken[count, each] = 0
-        fit(beams, view, limits.margin, work, row, taken, count, takes)
-        mark(view, limits, work, search, row)
-        for copy in range(limits.artefact.shape[0]):
-            search_around(beams, limits, work, search, row[DELAY] + limits.artefact[copy, OFFSET])
-        search.ghost[b, k] = np.inf
-        if _within_another(found, count, limits.resolution, period):
-            search_around(beams, limits, work, search, row[DELAY])
+            removed[count, each] = 0
+        update_path(cir, view, work, path, removed, count, removes)
+        expect_remainder(view, work, search, path)
+        for copy in range(view.artefacts.size):
+            search_around(cir, view, work, search, path.delay + view.artefacts[copy].delay)
+        search.remainder[b, k] = np.inf
+        if _is_duplicate(found, count, view, period):
+            search_around(cir, view, work, search, path.delay)
             continue
         count += 1
         # A path whose pulse holds another's is fitted wrong, and what is left of both looks like more paths: fit such
         # groups again at once, before their remainders are searched.
-        for _ in range(effort[TOGETHER]):
+        for _ in range(effort.refits):
             for i in range(count):
-                if _share(found[i], row, reach, period):
-                    found[i, ANEW] = 0.0
-                    fit(beams, view, limits.margin, work, found[i], taken, i, takes)
+                if _share_samples(found[i], path, reach, period):
+                    found[i].search_angles = False
+                    update_path(cir, view, work, found[i], removed, i, removes)
         for i in range(count):
-            if _share(found[i], row, reach, period):
-                search_around(beams, limits, work, search, found[i, DELAY])
-    b, block = highest(search.peak)
+            if _share_samples(found[i], path, reach, period):
+                search_around(cir, view, work, search, found[i].delay)
+    b, block = highest_peak(search.peak)
     complete = search.peak[b, block] <= 0.0
-    for turn in range(effort[PASSES]):
+    for number in range(effort.passes):
         for i in range(count):
-            found[i, ANEW] = turn == 0
-            fit(beams, view, limits.margin, work, found[i], taken, i, takes)
-    return _keep(found, taken, count, view, limits, work, period), complete
+            found[i].search_angles = number == 0
+            update_path(cir, view, work, found[i], removed, i, removes)
+    return _keep(found, removed, count, view, period), complete
 
 
 @part
-def _keep(found: Real, taken: Beams, count: int, view: View, limits: Limits, work: Work, period: float) -> int:
+def _keep(found: Paths, removed: Cir, count: int, view: ScanView, period: float) -> int:
     """Move the paths that still exceed the threshold to the front; fitted again, some turn out to be others' parts."""
     kept = 0
     for i in range(count):
-        seen = found[i, AMPLITUDE] * found[i, OFF_BORESIGHT]
-        above = seen * seen > limits.threshold[int(found[i, BEAM])]
-        if above and not _is_copy(found, count, i, view, limits, work, period):
-            for column in range(found.shape[1]):
-                found[kept, column] = found[i, column]
-            for b in range(taken.shape[1]):
-                taken[kept, b] = taken[i, b]
+        amplitude = found[i].amplitude * found[i].beam_gain
+        above = amplitude * amplitude > view.beams[found[i].beam].threshold
+        if above and not _is_artefact(found, count, i, view, period):
+            found[kept] = found[i]
+            for b in range(removed.shape[1]):
+                removed[kept, b] = removed[i, b]
             kept += 1
     return kept
 
 
 @part
-def _is_copy(found: Real, count: int, i: int, view: View, limits: Limits, work: Work, period: float) -> bool:
-    """Tell whether a path is what the instrument makes of another."""
-    b = int(found[i, BEAM])
-    seen = found[i, AMPLITUDE] * found[i, OFF_BORESIGHT]
-    for copy in range(limits.artefact.shape[0]):
+def _is_artefact(found: Paths, count: int, i: int, view: ScanView, period: float) -> bool:
+    """Tell whether a path is a copy that the instrument makes of another."""
+    path = found[i]
+    for copy in range(view.artefacts.size):
+        artefact = view.artefacts[copy]
         for j in range(count):
-            late = found[j, DELAY] + limits.artefact[copy, OFFSET]
-            if _apart(found[i, DELAY], late, period) < limits.resolution[0]:
-                aim(found[j, AZIMUTH], found[j, ELEVATION], work.direction)
-                g = found[j, AMPLITUDE] * pattern(view, work.direction, b, work.slopes)
-                if seen < limits.artefact[copy, LEVEL] * g:
+            if _circular_distance(path.delay, found[j].delay + artefact.delay, period) < view.delay_resolution:
+                g, _, _ = pattern(view, path.beam, toward(found[j].azimuth, found[j].elevation))
+                if path.amplitude * path.beam_gain < artefact.amplitude * (found[j].amplitude * g):
                     return True
     return False
 
 
 @part
-def _share(row: Real, other: Real, azimuth: float, period: float) -> bool:
+def _share_samples(path: Path, other: Path, azimuth: float, period: float) -> bool:
     """Tell whether two paths are fitted to samples that both are in."""
-    return _apart(row[DELAY], other[DELAY], period) < SHARED and _apart(row[AZIMUTH], other[AZIMUTH], 360.0) < azimuth
+    return (
+        _circular_distance(path.delay, other.delay, period) < OVERLAP
+        and _circular_distance(path.azimuth, other.azimuth, 360.0) < azimuth
+    )
 
 
 @part
-def _apart(x: float, y: float, period: float) -> float:
-    """Distance of two numbers on a circle."""
+def _circular_distance(x: float, y: float, period: float) -> float:
     late = abs(x - y) % period
     return period - late if 2 * late > period else late
 
 
 @part
-def _within_another(found: Real, count: int, resolution: Real, period: float) -> bool:
-    row = found[count]
+def _is_duplicate(found: Paths, count: int, view: ScanView, period: float) -> bool:
+    """Tell whether the last path is one of those found before."""
+    path = found[count]
     for i in range(count):
         if (
-            _apart(found[i, DELAY], row[DELAY], period) < resolution[0]
-            and _apart(found[i, AZIMUTH], row[AZIMUTH], 360.0) < resolution[1]
-            and abs(found[i, ELEVATION] - row[ELEVATION]) < resolution[2]
+            _circular_distance(found[i].delay, path.delay, period) < view.delay_resolution
+            and _circular_distance(found[i].azimuth, path.azimuth, 360.0) < view.azimuth_resolution
+            and abs(found[i].elevation - path.elevation) < view.elevation_resolution
         ):
             return True
     return False

@@ -1,4 +1,4 @@
-"""What beams see a path with: their directions, the antenna's pattern, the pulse and its matched filter."""
+"""What the kernels need of a scan: its beams, the antenna's pattern, the pulse, and when a peak is a path."""
 
 import math
 from typing import NamedTuple
@@ -10,77 +10,134 @@ from sounder.kernels.compiler.compile import part
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
+Records = npt.NDArray[np.void]
+Direction = tuple[float, float, float, float]
 
-NOISE, LOOK_AZIMUTH, LOOK_ELEVATION, COS_AZIMUTH, SIN_AZIMUTH, COS_ELEVATION, SIN_ELEVATION = range(7)
-"""Columns of `View.beam`: mean noise power, NaN for beams that were not recorded, and where the beam looks [degree]."""
+BEAM = np.dtype(
+    [
+        ("noise", np.float64),
+        ("threshold", np.float64),
+        ("azimuth", np.float64),
+        ("elevation", np.float64),
+        ("cos_azimuth", np.float64),
+        ("sin_azimuth", np.float64),
+        ("cos_elevation", np.float64),
+        ("sin_elevation", np.float64),
+    ]
+)
+"""A beam: mean noise power, NaN if it was not recorded; least power of a path; where it looks [degree]."""
+ARTEFACT = np.dtype([("delay", np.float64), ("amplitude", np.float64)])
+"""A copy that the instrument makes of every path: how much later [sample], and its amplitude at most, relative."""
 GAIN, SLOPE = 0, 1
-REACH, LOWEST, HIGHEST, BEAMWIDTH, FLOOR, SPREAD = range(6)
-"""Entries of `View.limits`."""
-N_AZIMUTHS, N_ELEVATIONS, AROUND, OVER = range(4)
-"""Entries of `View.grid`."""
+"""Rows of a cut."""
 RADIANS = math.pi / 180.0
 
 
-class View(NamedTuple):
-    """What the beams see a path with.
+class ScanView(NamedTuple):
+    """What the kernels need of a scan.
 
     Attributes
     ----------
-    beam : array (beam, 7)
-        Noise and direction of each beam, azimuth-major.
+    beams : array of `BEAM` (beam,)
+        Azimuth-major.
     azimuth_cut, elevation_cut : array (2, angle)
         The pattern [neper] tabulated evenly from -180 to 180 degree, linear between, and its slope [neper/radian].
     pulse, matched : array complex (point,)
         The pulse of a path of amplitude 1, and the filter that measures the amplitude, conjugated;
-        ``grid[OVER]`` points a sample.
-    limits : array (6,)
-        How far from its beam a path may be fitted in azimuth; lowest and highest elevation; half-power beamwidth in
-        elevation [degree]; the pattern's floor [neper]; variance of a measured amplitude, in noise powers.
-    grid : array (4,)
-        Number of azimuths and elevations, whether the azimuths close a circle, and points of the pulse a sample.
+        ``oversampling`` points a sample.
+    artefacts : array of `ARTEFACT` (artefact,)
+    oversampling : int
+    azimuths, elevations : int
+        Size of the scan.
+    full_circle : bool
+        Whether the azimuths close a circle.
+    azimuth_reach : float
+        How far from its beam a path may be fitted in azimuth [degree].
+    lowest, highest : float
+        Elevations between which paths may be [degree].
+    beamwidth : float
+        Half-power beamwidth in elevation [degree].
+    floor : float
+        Least gain of the pattern, relative to boresight [neper].
+    amplitude_variance : float
+        Variance of a measured amplitude [noise power].
+    margin_above, margin_below : float
+        How far the amplitude in a beam may exceed what the pattern predicts, or stay under it, and still be that of
+        the same path.
+    delay_resolution, azimuth_resolution, elevation_resolution : float
+        Paths within all three are one [sample, degree, degree].
+    remainder : float
+        Amplitude under which what remains at a path's delay is its own remainder, relative to the path in that beam.
+    sidelobe_remainder, sidelobe_level : float
+        The same in the sidelobes, relative to the pattern; of the main lobe no more than the highest sidelobe counts.
     """
 
-    beam: Real
+    beams: Records
     azimuth_cut: Real
     elevation_cut: Real
     pulse: Complex
     matched: Complex
-    limits: Real
-    grid: npt.NDArray[np.int64]
+    artefacts: Records
+    oversampling: int
+    azimuths: int
+    elevations: int
+    full_circle: bool
+    azimuth_reach: float
+    lowest: float
+    highest: float
+    beamwidth: float
+    floor: float
+    amplitude_variance: float
+    margin_above: float
+    margin_below: float
+    delay_resolution: float
+    azimuth_resolution: float
+    elevation_resolution: float
+    remainder: float
+    sidelobe_remainder: float
+    sidelobe_level: float
 
 
-def table_of(cut: Real) -> Real:
+def cut_table(cut: Real) -> Real:
     """Gain [neper] and slope [neper/radian] of a cut [dB], shape (2, angle): slopes are central differences."""
     gain = np.log(10) / 20 * cut
     return np.stack([gain, np.gradient(gain, 2 * np.pi / (cut.size - 1))])
 
 
-def beams_of(noise: Real, looks: Real) -> Real:
-    """Rows of `View.beam` from noise powers (beam,) and directions (beam, 2) [degree]."""
-    turn, tilt = np.radians(looks.T)
-    return np.column_stack([noise, looks, np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)])
+def beam_table(noise: Real, threshold: Real, directions: Real) -> Records:
+    """Beams from noise powers (beam,), thresholds (beam,) and directions (beam, 2) [degree]."""
+    beams = np.empty(len(directions), BEAM)
+    beams["noise"], beams["threshold"] = noise, threshold
+    for axis, angle in zip(("azimuth", "elevation"), directions.T, strict=True):
+        radians = np.radians(angle)
+        beams[axis], beams[f"cos_{axis}"], beams[f"sin_{axis}"] = angle, np.cos(radians), np.sin(radians)
+    return beams
 
 
 @part
-def aim(azimuth: float, elevation: float, direction: Real) -> None:
-    """Fill ``direction`` (4,) with cosine and sine of an azimuth and an elevation [degree]."""
-    direction[0], direction[1] = math.cos(azimuth * RADIANS), math.sin(azimuth * RADIANS)
-    direction[2], direction[3] = math.cos(elevation * RADIANS), math.sin(elevation * RADIANS)
+def toward(azimuth: float, elevation: float) -> Direction:
+    """Cosine and sine of an azimuth and an elevation [degree]."""
+    return (
+        math.cos(azimuth * RADIANS),
+        math.sin(azimuth * RADIANS),
+        math.cos(elevation * RADIANS),
+        math.sin(elevation * RADIANS),
+    )
 
 
 @part
-def pattern(view: View, direction: Real, b: int, slopes: Real) -> float:
-    """Amplitude of a beam's pattern toward a direction, from `aim`, relative to its boresight.
+def pattern(view: ScanView, b: int, direction: Direction) -> tuple[float, float, float]:
+    """Amplitude of a beam's pattern in a direction from `toward`, relative to boresight.
 
-    ``slopes`` (2,) is filled with its derivatives by azimuth and elevation [1/degree]. The plain-numpy twin is
+    And its derivatives by azimuth and elevation [1/degree]. The plain-numpy twin is
     :meth:`sounder.instrument.antenna_pattern.Pattern.beam_gain`.
     """
-    beam = view.beam
-    cos_up, sin_up = direction[2], direction[3]
-    # cosine and sine of the turn between them
-    ahead = direction[0] * beam[b, COS_AZIMUTH] + direction[1] * beam[b, SIN_AZIMUTH]
-    aside = direction[1] * beam[b, COS_AZIMUTH] - direction[0] * beam[b, SIN_AZIMUTH]
-    cos_tilt, sin_tilt = beam[b, COS_ELEVATION], beam[b, SIN_ELEVATION]
+    beam = view.beams[b]
+    cos_azimuth, sin_azimuth, cos_up, sin_up = direction
+    # cosine and sine of the azimuth between them
+    ahead = cos_azimuth * beam.cos_azimuth + sin_azimuth * beam.sin_azimuth
+    aside = sin_azimuth * beam.cos_azimuth - cos_azimuth * beam.sin_azimuth
+    cos_tilt, sin_tilt = beam.cos_elevation, beam.sin_elevation
     x = cos_up * ahead * cos_tilt + sin_up * sin_tilt
     y = cos_up * aside
     z = sin_up * cos_tilt - cos_up * ahead * sin_tilt
@@ -99,16 +156,15 @@ def pattern(view: View, direction: Real, b: int, slopes: Real) -> float:
     right = place - left
     gain += view.elevation_cut[GAIN, left] * (1 - right) + view.elevation_cut[GAIN, left + 1] * right
     by_elevation = view.elevation_cut[SLOPE, left] * (1 - right) + view.elevation_cut[SLOPE, left + 1] * right
-    if gain < view.limits[FLOOR] or level2 < 1e-12:
-        slopes[0] = slopes[1] = 0.0
-        return math.exp(view.limits[FLOOR]) if gain < view.limits[FLOOR] else math.exp(gain)
+    if gain < view.floor or level2 < 1e-12:
+        return math.exp(view.floor) if gain < view.floor else math.exp(gain), 0.0, 0.0
     g = math.exp(gain)
-    # by turn: (x, y, z)' = (-cos_up aside cos_tilt, cos_up ahead, cos_up aside sin_tilt)
+    # by azimuth: (x, y, z)' = (-cos_up aside cos_tilt, cos_up ahead, cos_up aside sin_tilt)
     x_turn, y_turn, z_turn = -y * cos_tilt, cos_up * ahead, y * sin_tilt
     # by elevation: (x, y, z)' = (-sin_up ahead cos_tilt + cos_up sin_tilt, -sin_up aside, cos_up cos_tilt + ...)
     x_up = cos_up * sin_tilt - sin_up * ahead * cos_tilt
     y_up = -sin_up * aside
     z_up = cos_up * cos_tilt + sin_up * ahead * sin_tilt
-    slopes[0] = g * RADIANS * (by_azimuth * (x * y_turn - y * x_turn) / level2 + by_elevation * z_turn / level)
-    slopes[1] = g * RADIANS * (by_azimuth * (x * y_up - y * x_up) / level2 + by_elevation * z_up / level)
-    return g
+    slope_azimuth = g * RADIANS * (by_azimuth * (x * y_turn - y * x_turn) / level2 + by_elevation * z_turn / level)
+    slope_elevation = g * RADIANS * (by_azimuth * (x * y_up - y * x_up) / level2 + by_elevation * z_up / level)
+    return g, slope_azimuth, slope_elevation

@@ -1,0 +1,66 @@
+"""Memory that the fits of paths work in, allocated once for an extraction."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from sounder.kernels.extraction.path_record import FIT_BEAMS
+from sounder.kernels.extraction.scan_view import ScanView
+
+Real = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+TRIALS = 10
+"""Directions that an angle fit at the edge of the fan starts from."""
+TRIAL = np.dtype(
+    [
+        ("azimuth", np.float64),
+        ("elevation", np.float64),
+        ("amplitude", np.float64),
+        ("squares", np.float64),
+        ("sidelobe_misfit", np.float64),
+    ]
+)
+"""A direction tried: the fit from there, its squared residuals, and what `sidelobe_misfit` says of it."""
+
+
+class Workspace(NamedTuple):
+    """Memory of the fits.
+
+    Attributes
+    ----------
+    pulse, matched, inner : array complex (tap,)
+        Samples of the pulse, of the matched filter, and of the pulse under that filter.
+    near : array (beam,)
+        Beams of a fit, ended with -1.
+    weight, magnitude : array (beam,)
+        Their weights in the search for the delay, and the path's magnitudes in them.
+    trials : array of `TRIAL` (trial,)
+    sidelobes : array (beam, 3)
+        Power before a path, at its delay and after it in the beams far from it, -1 in the others [noise power].
+    """
+
+    pulse: Complex
+    matched: Complex
+    inner: Complex
+    near: npt.NDArray[np.int64]
+    weight: Real
+    magnitude: Real
+    trials: npt.NDArray[np.void]
+    sidelobes: Real
+
+
+def workspace(view: ScanView) -> Workspace:
+    """Allocate what fits in a scan need."""
+    pulse, matched = (2 * (table.size // (2 * view.oversampling) - 1) + 1 for table in (view.pulse, view.matched))
+    return Workspace(
+        pulse=np.empty(pulse, complex),
+        matched=np.empty(matched, complex),
+        inner=np.empty(matched, complex),
+        near=np.empty(FIT_BEAMS + 1, np.int64),
+        weight=np.empty(FIT_BEAMS),
+        magnitude=np.empty(FIT_BEAMS),
+        trials=np.empty(TRIALS, TRIAL),
+        sidelobes=np.empty((len(view.beams), 3)),
+    )

@@ -1,0 +1,67 @@
+"""Parameters of the fits of several paths, and how their results become path records."""
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+
+
+class Parameter(IntEnum):
+    """Order of the parameters of a path in all fits of several paths."""
+
+    AZIMUTH = 0
+    """[degree]"""
+    ELEVATION = 1
+    """[degree]"""
+    LEVEL = 2
+    """Natural logarithm of the amplitude."""
+    DELAY = 3
+    """After a reference sample that the fit states [sample]."""
+    PHASE = 4
+    """Only in the joint fit [radian]."""
+
+
+AZIMUTH, ELEVATION, LEVEL, DELAY, PHASE = Parameter
+
+
+def set_path(
+    path: np.void,
+    parameters: Real,
+    covariance: Real,
+    *,
+    misfit: float,
+    beam: int,
+    beam_gain: float,
+    unit_delay_variance: float,
+) -> None:
+    """Write the result of a fit of several paths to the record of one of them; the delay is left to the caller.
+
+    Parameters
+    ----------
+    path : record of `sounder.kernels.extraction.path_record.PATH`
+        Written to.
+    parameters : array (4 or more,)
+        In the order of `Parameter`.
+    covariance : array (4 or more, 4 or more)
+        Of the parameters.
+    misfit : float
+        Residual power over that of the noise.
+    beam : int
+        The beam that sees the path best.
+    beam_gain : float
+        Amplitude of its pattern toward the path, relative to boresight.
+    unit_delay_variance : float
+        Variance of the delay of a path of amplitude 1 in that beam alone [sample2].
+    """
+    amplitude = np.exp(parameters[LEVEL])
+    path["azimuth"], path["elevation"], path["amplitude"] = parameters[AZIMUTH], parameters[ELEVATION], amplitude
+    path["azimuth_variance"] = covariance[AZIMUTH, AZIMUTH]
+    path["elevation_variance"] = covariance[ELEVATION, ELEVATION]
+    path["amplitude_variance"] = covariance[LEVEL, LEVEL] * amplitude**2
+    path["azimuth_elevation"] = covariance[AZIMUTH, ELEVATION]
+    path["azimuth_amplitude"] = covariance[AZIMUTH, LEVEL] * amplitude
+    path["elevation_amplitude"] = covariance[ELEVATION, LEVEL] * amplitude
+    path["misfit"], path["beam"], path["beam_gain"] = misfit, beam, beam_gain
+    path["pattern_energy"] = unit_delay_variance / (amplitude**2 * covariance[DELAY, DELAY])
