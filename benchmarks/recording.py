@@ -12,7 +12,7 @@ import numpy as np
 from sounder.cir.impulse_response import calibrate, impulse_responses
 from sounder.cir.power_spectrum import daps
 from sounder.instrument.waveform import held_template
-from sounder.mpc.extract import extract
+from sounder.mpc.extract import extract_mpcs
 from sounder.processing.jobs import gather
 
 SNAPSHOTS = 2432  # 1.0 GiB
@@ -74,7 +74,7 @@ def main() -> None:
         runs = {
             OURS: ours,
             READ: lambda: np.fromfile(path, np.int16),
-            MPC: lambda: extract(cir, filter_, job.recording.sounder),
+            MPC: lambda: extract_mpcs(cir, filter_, job.recording.sounder),
             SCRIPT: lambda: script(path, b2b, average_first=False),
             SHORT: lambda: script(path, b2b, average_first=True),
         }

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from sounder.cir.power_spectrum import daps
     from sounder.instrument.description import Sounder, load_sounder
     from sounder.mpc.cramer_rao import cramer_rao
+    from sounder.mpc.extract import extract_mpcs
     from sounder.mpc.score import score
     from sounder.options import Options
     from sounder.processing.jobs import gather
@@ -52,6 +53,7 @@ _MODULES = {
     "calibrate": "sounder.cir.impulse_response",
     "cramer_rao": "sounder.mpc.cramer_rao",
     "daps": "sounder.cir.power_spectrum",
+    "extract_mpcs": "sounder.mpc.extract",
     "gather": "sounder.processing.jobs",
     "impulse_responses": "sounder.cir.impulse_response",
     "load_campaign": "sounder.campaign.description",
@@ -74,6 +76,7 @@ __all__ = [
     "calibrate",
     "cramer_rao",
     "daps",
+    "extract_mpcs",
     "gather",
     "impulse_responses",
     "load_campaign",

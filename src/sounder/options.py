@@ -26,9 +26,9 @@ class Options:
     averaging : {"coherent", "phase-aligned", "power"}
         Over the snapshots of a direction; see :func:`sounder.cir.impulse_response.impulse_responses`.
     threshold : {"usc", "nyu"}
-        Least power of an MPC; see :func:`sounder.mpc.extract.extract`.
+        Least power of an MPC; see :func:`sounder.mpc.extract.extract_mpcs`.
     method : {"sage", "clean", "peaks"}
-        How overlapping MPCs are separated; see :func:`sounder.mpc.extract.extract`.
+        How overlapping MPCs are separated; see :func:`sounder.mpc.extract.extract_mpcs`.
     omnidirectional : {"sum", "maximum"}
         How the omnidirectional PDP is made; see :func:`sounder.cir.power_spectrum.daps`.
     keep_cir : bool

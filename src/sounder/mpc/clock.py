@@ -1,4 +1,4 @@
-"""The clock that wanders while the horn turns, and what it adds to the delays."""
+"""The clock that drifts while the horn turns, and the variance that it adds to the delays."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +24,16 @@ def scan_order(time: Real | None, azimuths: int, elevations: int) -> Integers:
 
 
 def clock_variance(beam: Integers, weight: Real, order: Integers, step: float) -> Real:
-    """Variance of delays that a wandering clock makes.
+    """Variance of delays due to a drifting clock.
 
-    The clock is a random walk with steps of a deviation ``q`` from one direction to the next, 0 at the first: between
-    the directions number ``i`` and ``j`` it has the covariance ``q^2 min(i, j)``. A delay is the mean of those in the
-    path's beams, weighted by their information: ``q^2 sum_ij w_i w_j min(i, j)``.
+    The clock is a random walk with steps of standard deviation ``q`` from one direction to the next, 0 at the first.
+    Between the directions number ``i`` and ``j`` it has the covariance ``q^2 min(i, j)``. A delay is the mean of those
+    in the path's beams, weighted by their information, so that its variance is ``q^2 sum_ij w_i w_j min(i, j)``.
 
     Parameters
     ----------
     beam, weight : array (mpc, near)
-        Of `sounder.mpc.uncertainty.Seen`.
+        From :func:`sounder.mpc.uncertainty.best_beams`.
     order : array (direction,)
         From `scan_order`.
     step : float
@@ -44,7 +44,7 @@ def clock_variance(beam: Integers, weight: Real, order: Integers, step: float) -
     array (mpc,)
         [s2]
     """
-    turn = order[beam]
-    together = np.minimum(turn[:, :, None], turn[:, None, :])
-    variance: Real = step**2 * np.einsum("pi,pij,pj->p", weight, together, weight)
+    number = order[beam]
+    covariance = np.minimum(number[:, :, None], number[:, None, :])
+    variance: Real = step**2 * np.einsum("pi,pij,pj->p", weight, covariance, weight)
     return variance

@@ -5,7 +5,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.kernels.extraction.path_record import FIT_BEAMS
+from sounder.kernels.extraction.records import FIT_BEAMS
 from sounder.mpc.directions import beam_gains
 
 MIN_STEP = 0.5

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from sounder.cir.deembedding import Deembedding
 from sounder.instrument.description import Sounder
-from sounder.kernels.extraction.path_record import PATH
 from sounder.kernels.extraction.peak_search import new_search
+from sounder.kernels.extraction.records import PATH
 from sounder.kernels.extraction.sage import Effort, cancel
 from sounder.kernels.extraction.workspace import workspace
 from sounder.mpc.clock import clock_variance, scan_order
@@ -105,7 +105,7 @@ def extract_mpcs(
 
 def _cancel(
     residual: NDArray[np.complex64], scan: Scan, effort: Effort
-) -> tuple[NDArray[np.void], NDArray[np.complex64], bool]:
+) -> tuple[NDArray[np.record], NDArray[np.complex64], bool]:
     """Paths by successive cancellation, what was removed for each from each beam, and whether these are all."""
     view = scan.view(removes=bool(effort.removes))
     work = workspace(view)
@@ -114,7 +114,7 @@ def _cancel(
     return found[:count], removed[:count], complete
 
 
-def _located(found: NDArray[np.void], scan: Scan) -> NDArray[np.bool_]:
+def _located(found: NDArray[np.record], scan: Scan) -> NDArray[np.bool_]:
     """Tell the paths whose direction the main lobe has seen.
 
     A path far above or below the fan enters through the sidelobes, alike in all beams; its delay is right, its angle

@@ -27,7 +27,7 @@ AZIMUTH, ELEVATION, LEVEL, DELAY, PHASE = Parameter
 
 
 def set_path(
-    path: np.void,
+    path: np.record,
     parameters: Real,
     covariance: Real,
     *,
@@ -40,7 +40,7 @@ def set_path(
 
     Parameters
     ----------
-    path : record of `sounder.kernels.extraction.path_record.PATH`
+    path : record of `sounder.kernels.extraction.records.PATH`
         Written to.
     parameters : array (4 or more,)
         In the order of `Parameter`.

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.kernels.extraction.path_record import OVERLAP, PATH
+from sounder.kernels.extraction.records import OVERLAP, PATH
 from sounder.mpc.directions import wrap
 from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL, PHASE, set_path
 from sounder.mpc.joint_fit import PARAMETERS, JointFit, best_phases, fit_jointly
@@ -26,7 +26,7 @@ from sounder.mpc.whitened_samples import PADDING, BeamSamples, WindowPulse
 Real = NDArray[np.float64]
 Complex = NDArray[np.complexfloating]
 Integers = NDArray[np.int64]
-Paths = NDArray[np.void]
+Paths = NDArray[np.record]
 
 AZIMUTH_OVERLAP = 2.2
 """Paths closer than this in azimuth share samples [beamwidth]; with `OVERLAP` the half axes of an ellipse."""

@@ -15,7 +15,8 @@ from sounder.cir.power_spectrum import noise_power
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
-from sounder.kernels.extraction.scan_view import ARTEFACT, ScanView, beam_table
+from sounder.kernels.extraction.records import ARTEFACT
+from sounder.kernels.extraction.scan_view import ScanView, beam_table
 from sounder.mpc.directions import beam_directions, beam_gains, wrap
 from sounder.mpc.pattern_slopes import Cuts
 from sounder.mpc.threshold import detection_threshold
@@ -195,7 +196,7 @@ class Scan:
             lowest=self.elevation.min() - 2 * self.beamwidth[1],
             highest=self.elevation.max() + 2 * self.beamwidth[1],
             beamwidth=self.beamwidth[1],
-            floor=self.cuts.floor,
+            floor=self.pattern.floor * np.log(10) / 20,
             amplitude_variance=self.filter_.matched_filter.amplitude_variance,
             margin_above=self.pattern_margin,
             margin_below=float(10 ** (self.antenna.margin_below / 20)),

@@ -1,4 +1,4 @@
-"""Score of MPCs against the paths that were there: what was found, what was made up, how far off, how honest."""
+"""Score of MPCs against the true paths: detected paths, false MPCs, errors, and errors over standard deviations."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -11,19 +11,20 @@ from scipy.optimize import linear_sum_assignment
 from erm.common.errors import OptionError
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
-from sounder.mpc.cramer_rao import NAMES, gains
+from sounder.mpc.cramer_rao import UNITS
+from sounder.mpc.directions import beam_directions, beam_gains, wrap
 
 Real = NDArray[np.float64]
-FORBIDDEN = 1e6
-"""Cost of a pair outside the gates, more than all pairs inside them together."""
+OUTSIDE_COST = 1e6
+"""Cost of a pair outside the gates: more than all pairs inside them together."""
 
 
 @dataclass(frozen=True)
 class Gates:
-    """How far an MPC may be from a path and still be it; infinite for no matter.
+    """Largest differences between an MPC and its path; infinite where any difference is allowed.
 
-    The defaults are the resolution of the 132 GHz sounder, about ``1 / bandwidth`` and half a beam; elevation is free,
-    for it is not known outside the fan.
+    The defaults are the resolution of the 132 GHz sounder, about ``1 / bandwidth`` and half a beam. Elevation is free,
+    because it is not known outside the fan.
 
     Attributes
     ----------
@@ -48,14 +49,14 @@ class Gates:
 
 @dataclass(frozen=True)
 class Score:
-    """What became of the paths, and of the MPCs.
+    """True paths and MPCs with their matches.
 
     Attributes
     ----------
     paths : xarray.Dataset
         Along ``path``: the true ``position``, ``delay`` [s], ``azimuth``, ``elevation`` [degree], ``path_gain`` and
-        ``snr`` [dB] (NaN where not known); ``required``, whether it had to be found; ``separation`` from the next path,
-        as a distance of which every gate is one unit; ``match``, the index of its MPC, -1 if it was not found; and of
+        ``snr`` [dB] (NaN where not known); ``required``, whether the path must be found; ``separation`` from the next
+        path, as a distance with each gate as unit; ``match``, the index of its MPC, -1 if it was not found; and of
         its MPC ``delay_error`` and so on, estimated less true, with ``delay_normalised`` and so on, the same over
         ``_std``.
     estimates : xarray.Dataset
@@ -75,28 +76,28 @@ class Score:
 
     @property
     def false_share(self) -> float:
-        """Share of the MPCs that are no path; NaN if there are none."""
+        """Share of the MPCs that match no path; NaN if there are none."""
         return _share(self.estimates["match"].values < 0)
 
     def summary(self) -> dict[str, Any]:
-        """Counts, and of the required paths that were found the errors; numbers and names only.
+        """Counts, and the errors of the required paths that were found; numbers and names only.
 
-        ``within_1_std`` and ``within_2_std`` are 0.683 and 0.954 for honest, normally distributed errors.
+        ``within_1_std`` and ``within_2_std`` are 0.683 and 0.954 for normal errors with right standard deviations.
         """
         required = self.paths["required"].values
-        judged = self.paths.isel(path=np.flatnonzero(required & (self.paths["match"].values >= 0)))
+        found = self.paths.isel(path=np.flatnonzero(required & (self.paths["match"].values >= 0)))
         return {
             "positions": len(np.unique(self.paths["position"].values)),
             "gates": asdict(self.gates),
             "paths": int(required.sum()),
-            "found": judged.sizes["path"],
+            "found": found.sizes["path"],
             "detection": self.detection,
             "mpcs": self.estimates.sizes["mpc"],
             "false": int((self.estimates["match"].values < 0).sum()),
             "false_share": self.false_share,
             "errors": {
-                name: {"unit": unit, **_errors(judged[f"{name}_error"].values, judged[f"{name}_normalised"].values)}
-                for name, unit in NAMES.items()
+                name: {"unit": unit, **_errors(found[f"{name}_error"].values, found[f"{name}_normalised"].values)}
+                for name, unit in UNITS.items()
             },
         }
 
@@ -110,12 +111,12 @@ def score(
     least_snr: float = 10.0,
     period: float | None = None,
 ) -> Score:
-    """Match MPCs to true paths, one to one, and judge both.
+    """Match MPCs to true paths, one to one, and compare them.
 
-    In each position the required paths are assigned to MPCs first, so that a weak neighbour takes none from them, then
-    the other paths to the MPCs that are left: those need not be found, but to find them is no mistake. Of all
-    assignments within the gates each takes one with the most pairs, and of these that with the least sum of squared
-    distances, every gate being one unit.
+    In each position the required paths are assigned to MPCs first, so that a weak neighbour takes none from them. Then
+    the other paths are assigned to the remaining MPCs: those need not be found, but finding them is no error. Both
+    times the assignment within the gates has the most pairs, and of these the least sum of squared distances, with each
+    gate as unit.
 
     Parameters
     ----------
@@ -124,23 +125,40 @@ def score(
         if there are several.
     truth : xarray.Dataset
         The same along any dimension, without ``_std``. May hold ``snr`` and ``beam_gain`` (from :func:`with_snr`), and
-        ``required`` (bool), which goes before the two rules below.
+        ``required`` (bool), which takes precedence over the two rules below.
     gates : Gates, optional
+        Largest differences of a match.
     dynamic_range : float
-        Paths are required down to so much under the position's strongest, in the beam that sees each best [dB].
+        Paths are required down to this level below the position's strongest, in the beam that sees each best [dB].
     least_snr : float
-        And from this SNR up, where it is known [dB].
+        And from this SNR on, where it is known [dB].
     period : float, optional
         Delays are known modulo this [s].
 
     Returns
     -------
     Score
+        The matches; its ``summary()`` holds the counts and the errors.
 
     References
     ----------
     Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001 (gating, normalised
     errors).
+
+    Examples
+    --------
+    Two paths, of which one was found 0.1 ns late, and one MPC that is no path:
+
+    >>> values = {"delay": [100e-9, 130e-9], "azimuth": [10.0, 200.0], "elevation": [0.0, 0.0]}
+    >>> values["path_gain"] = [-100.0, -105.0]
+    >>> truth = xr.Dataset({name: ("path", value) for name, value in values.items()})
+    >>> values["delay"] = [100.1e-9, 300e-9]
+    >>> found = xr.Dataset({name: ("mpc", value) for name, value in values.items()})
+    >>> result = score(found, truth)
+    >>> result.detection, result.false_share
+    (0.5, 0.5)
+    >>> result.paths["match"].values
+    array([ 0, -1])
     """
     for option, limit in (("dynamic_range", dynamic_range), ("least_snr", least_snr)):
         if np.isnan(limit):
@@ -148,47 +166,46 @@ def score(
     gates = gates or Gates()
     (dim,) = truth["delay"].dims
     paths = truth.rename({dim: "path"}) if dim != "path" else truth
-    there, found = _columns(paths), _columns(estimated)
-    where, whence = _positions(paths, "path"), _positions(estimated, "mpc")
-    match = np.full(len(there), -1)
-    required = np.zeros(len(there), bool)
-    separation = np.full(len(there), np.inf)
-    for name in np.unique(where):
-        here, mpcs = np.flatnonzero(where == name), np.flatnonzero(whence == name)
-        local = paths.isel(path=here)
-        required[here] = _required(local, dynamic_range, least_snr)
-        separation[here] = _separation(there[here], gates, period)
+    true, found = _columns(paths), _columns(estimated)
+    position, mpc_position = _positions(paths, "path"), _positions(estimated, "mpc")
+    match = np.full(len(true), -1)
+    required = np.zeros(len(true), bool)
+    separation = np.full(len(true), np.inf)
+    for name in np.unique(position):
+        here, mpcs = np.flatnonzero(position == name), np.flatnonzero(mpc_position == name)
+        required[here] = _required(paths.isel(path=here), dynamic_range, least_snr)
+        separation[here] = _separation(true[here], gates, period)
         for candidates in (here[required[here]], here[~required[here]]):
             free = mpcs[~np.isin(mpcs, match)]
-            distance = _distance(there[candidates], found[free], gates, period)
-            chosen, taken = linear_sum_assignment(np.minimum(distance, FORBIDDEN))
-            good = np.isfinite(distance[chosen, taken])
-            match[candidates[chosen[good]]] = free[taken[good]]
+            distance = _distance(true[candidates], found[free], gates, period)
+            row, column = linear_sum_assignment(np.minimum(distance, OUTSIDE_COST))
+            inside = np.isfinite(distance[row, column])
+            match[candidates[row[inside]]] = free[column[inside]]
 
     columns: dict[str, Any] = {
-        "position": where,
-        **{name: there[:, i] for i, name in enumerate(NAMES)},
-        "snr": paths["snr"].values if "snr" in paths else np.full(len(there), np.nan),
+        "position": position,
+        **{name: true[:, i] for i, name in enumerate(UNITS)},
+        "snr": paths["snr"].values if "snr" in paths else np.full(len(true), np.nan),
         "required": required,
         "separation": separation,
         "match": match,
     }
-    error = np.full(there.shape, np.nan)
+    error = np.full(true.shape, np.nan)
     hit = match >= 0
-    error[hit] = _difference(found[match[hit]], there[hit], period)
-    for i, name in enumerate(NAMES):
+    error[hit] = _difference(found[match[hit]], true[hit], period)
+    for i, name in enumerate(UNITS):
         std = estimated[f"{name}_std"].values if f"{name}_std" in estimated else np.full(len(found), np.nan)
         columns[f"{name}_error"] = error[:, i]
-        columns[f"{name}_normalised"] = np.full(len(there), np.nan)
+        columns[f"{name}_normalised"] = np.full(len(true), np.nan)
         columns[f"{name}_normalised"][hit] = error[hit, i] / std[match[hit]]
     back = np.full(len(found), -1)
     back[match[hit]] = np.flatnonzero(hit)
-    judged = xr.Dataset({name: ("path", values) for name, values in columns.items()})
-    return Score(judged, estimated.assign(match=("mpc", back)), gates)
+    matched = xr.Dataset({name: ("path", values) for name, values in columns.items()})
+    return Score(matched, estimated.assign(match=("mpc", back)), gates)
 
 
 def with_snr(truth: xr.Dataset, daps: xr.Dataset, sounder: Sounder) -> xr.Dataset:
-    """Paths with what the scan of a position could see of them.
+    """Add to true paths their SNR in the scan of a position.
 
     Parameters
     ----------
@@ -207,9 +224,8 @@ def with_snr(truth: xr.Dataset, daps: xr.Dataset, sounder: Sounder) -> xr.Datase
     """
     (dim,) = truth["azimuth"].dims
     pattern = Pattern.of(sounder.rx_antenna)
-    toward = gains(
-        truth["azimuth"].values, truth["elevation"].values, daps["azimuth"].values, daps["elevation"].values, pattern
-    )
+    directions = beam_directions(daps["azimuth"].values, daps["elevation"].values)
+    toward = beam_gains(truth["azimuth"].values, truth["elevation"].values, directions, pattern)
     noise = daps["noise_floor"].transpose("azimuth", "elevation").values.ravel()
     recorded = np.isfinite(noise)
     best = toward[:, recorded].argmax(axis=1)
@@ -219,8 +235,8 @@ def with_snr(truth: xr.Dataset, daps: xr.Dataset, sounder: Sounder) -> xr.Datase
 
 
 def _columns(table: xr.Dataset) -> Real:
-    """Parameters (row, parameter) in the order of ``NAMES``."""
-    columns: Real = np.stack([np.asarray(table[name].values, float) for name in NAMES], axis=-1)
+    """Parameters (row, parameter) in the order of ``UNITS``."""
+    columns: Real = np.stack([np.asarray(table[name].values, float) for name in UNITS], axis=-1)
     return columns
 
 
@@ -233,45 +249,45 @@ def _positions(table: xr.Dataset, dim: str) -> NDArray[np.str_]:
 def _required(paths: xr.Dataset, dynamic_range: float, least_snr: float) -> NDArray[np.bool_]:
     if "required" in paths:
         return np.asarray(paths["required"].values, bool)
-    seen = paths["path_gain"].values + (paths["beam_gain"].values if "beam_gain" in paths else 0.0)
-    strong: NDArray[np.bool_] = seen >= seen.max(initial=-np.inf) - dynamic_range
+    received = paths["path_gain"].values + (paths["beam_gain"].values if "beam_gain" in paths else 0.0)
+    strong: NDArray[np.bool_] = received >= received.max(initial=-np.inf) - dynamic_range
     return strong & (paths["snr"].values >= least_snr) if "snr" in paths else strong
 
 
 def _difference(a: Real, b: Real, period: float | None) -> Real:
     """Difference of parameters; delays and azimuths the short way round."""
-    off: Real = a - b
-    off[..., 1] = (off[..., 1] + 180) % 360 - 180
+    difference: Real = a - b
+    difference[..., 1] = wrap(difference[..., 1])
     if period is not None:
-        off[..., 0] = (off[..., 0] + period / 2) % period - period / 2
-    return off
+        difference[..., 0] = wrap(difference[..., 0], period)
+    return difference
 
 
 def _distance(a: Real, b: Real, gates: Gates, period: float | None) -> Real:
     """Squared distance of every a from every b with each gate as unit, infinite outside any gate; unknowns count 0."""
-    off = _difference(a[:, None], b[None, :], period) / np.array([getattr(gates, name) for name in NAMES])
-    inside = ~(np.abs(off) > 1).any(axis=-1)
-    return np.where(inside, np.nansum(off**2, axis=-1), np.inf)
+    scaled = _difference(a[:, None], b[None, :], period) / np.array([getattr(gates, name) for name in UNITS])
+    inside = ~(np.abs(scaled) > 1).any(axis=-1)
+    return np.where(inside, np.nansum(scaled**2, axis=-1), np.inf)
 
 
 def _separation(paths: Real, gates: Gates, period: float | None) -> Real:
-    """Distance in delay and azimuth to the next path that is not ``gates.path_gain`` weaker, each gate one unit."""
-    off = _difference(paths[:, None], paths[None, :], period)
-    far = np.hypot(off[..., 0] / gates.delay, off[..., 1] / gates.azimuth)
-    far[np.eye(len(paths), dtype=bool) | (off[..., 3] > gates.path_gain)] = np.inf
-    nearest: Real = far.min(axis=1, initial=np.inf)
+    """Distance in delay and azimuth to the next path that is not ``gates.path_gain`` weaker, with each gate as unit."""
+    difference = _difference(paths[:, None], paths[None, :], period)
+    distance = np.hypot(difference[..., 0] / gates.delay, difference[..., 1] / gates.azimuth)
+    distance[np.eye(len(paths), dtype=bool) | (difference[..., 3] > gates.path_gain)] = np.inf
+    nearest: Real = distance.min(axis=1, initial=np.inf)
     return nearest
 
 
 def _errors(error: Real, normalised: Real) -> dict[str, float | int]:
-    known, told = error[np.isfinite(error)], np.abs(normalised[np.isfinite(normalised)])
+    known, size = error[np.isfinite(error)], np.abs(normalised[np.isfinite(normalised)])
     return {
         "count": known.size,
         "rmse": float(np.sqrt(np.mean(known**2))) if known.size else np.nan,
         "bias": float(np.mean(known)) if known.size else np.nan,
         "median_absolute": float(np.median(np.abs(known))) if known.size else np.nan,
-        "within_1_std": _share(told < 1),
-        "within_2_std": _share(told < 2),
+        "within_1_std": _share(size < 1),
+        "within_2_std": _share(size < 2),
     }
 
 

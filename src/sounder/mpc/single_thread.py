@@ -39,7 +39,10 @@ def single_thread() -> Iterator[None]:
 
 
 def _release_thread_control() -> None:
-    """Let any thread change the limit; since threadpoolctl 3.8 only the thread that set it first may, if it is alive."""
+    """Let any thread change the limit.
+
+    Since threadpoolctl 3.8 only the thread that first set one may, as long as it is alive.
+    """
     clear = getattr(OpenBLASController, "clear_controlling_thread", None)
     if clear is not None:
         clear(force=True)

@@ -5,16 +5,16 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from erm.common.constants import c
+from sounder.mpc.cramer_rao import UNITS
 from sounder.mpc.directions import DB_PER_NEPER
 from sounder.mpc.scan import Scan
 
 DIRECT_TOLERANCE = 1e-9
 """How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]: about a resolution
 cell."""
-PARAMETERS = ("delay", "azimuth", "elevation", "path_gain")
 
 Real = NDArray[np.float64]
-Paths = NDArray[np.void]
+Paths = NDArray[np.record]
 
 
 def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, clock: Real) -> xr.Dataset:
@@ -22,13 +22,14 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
 
     The covariance is that of the least-squares fits, with the noise power as variance, or the fit's own residual where
     that exceeds the noise. The variance of the delay is ``N V / sum_b a_b^2`` with the path's amplitude ``a_b`` in a
-    beam, the noise power ``N``, and ``V`` of :class:`sounder.cir.matched_filter.MatchedFilter`; with a phase of its own in
-    every beam it is independent of the others. Both are inflated for other paths, and that of the delay includes the
-    clock's. Those of elevation and gain include other directions outside the fan that the beams do not exclude.
+    beam, the noise power ``N``, and ``V`` the ``delay_variance`` of `sounder.cir.matched_filter.MatchedFilter`. With a
+    phase of its own in every beam it is independent of the others. Both are inflated for other paths, and that of the
+    delay includes the clock's. Those of elevation and gain include other directions outside the fan that the beams do
+    not exclude.
 
     Parameters
     ----------
-    found : array of `sounder.kernels.extraction.path_record.PATH` (mpc,)
+    found : array of `sounder.kernels.extraction.records.PATH` (mpc,)
     scan : Scan
     distance : float
         Direct distance from TX to RX [m].
@@ -70,7 +71,7 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
         "path_gain": (gain, "dB", "path gain, antennas removed"),
     }
     std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    for i, name in enumerate(PARAMETERS):
+    for i, name in enumerate(UNITS):
         values[f"{name}_std"] = std[:, i], values[name][1], f"standard deviation of {name.replace('_', ' ')}"
     values["clock_std"] = np.sqrt(clock), "s", "standard deviation of the clock, part of delay_std"
     snr = 20 * np.log10(amplitude * found["beam_gain"]) - 10 * np.log10(noise)
@@ -88,9 +89,7 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
         covariance,
         {"units": "1", "long_name": "covariance of the parameters, in products of their units"},
     )
-    return xr.Dataset(
-        {**columns, "covariance": matrix}, coords={"parameter": list(PARAMETERS), "other": list(PARAMETERS)}
-    )
+    return xr.Dataset({**columns, "covariance": matrix}, coords={"parameter": list(UNITS), "other": list(UNITS)})
 
 
 def _misfit(found: Paths, noise: Real) -> Real:

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.kernels.extraction.path_record import PATH
+from sounder.kernels.extraction.records import PATH
 from sounder.mpc.directions import wrap
 from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL, set_path
 from sounder.mpc.scan import CANCELLATION_RESIDUAL, Scan
@@ -28,7 +28,7 @@ from sounder.mpc.whitened_samples import PADDING, BeamSamples
 Real = NDArray[np.float64]
 Complex = NDArray[np.complexfloating]
 Integers = NDArray[np.int64]
-Paths = NDArray[np.void]
+Paths = NDArray[np.record]
 
 MAX_DELAY_DIFFERENCE = 0.5
 """MPCs closer than this may be two paths of one delay [sample]; chosen, not derived."""
@@ -87,7 +87,7 @@ def split_paths(found: Paths, removed: Complex, scan: Scan) -> tuple[Paths, Comp
     return found, removed, group
 
 
-def _parameters(path: np.void, middle: float, first: int) -> Real:
+def _parameters(path: np.record, middle: float, first: int) -> Real:
     """Parameters (4,) of a path found, with its azimuth near ``middle`` and its delay after ``first``."""
     parameters = np.empty(PARAMETERS)
     parameters[AZIMUTH] = middle + wrap(path["azimuth"] - middle)

@@ -4,7 +4,7 @@ In direction ``b`` the samples, whitened, are ``y_b = exp(j psi_b) s_b + n_b`` w
 
 ``s_b = sum_p exp(A_p + j phi_p) g_b(w_p) q(tau_p)``,  ``phi_1 = 0``.
 
-``q`` is the whitened pulse. Every direction has an unknown phase ``psi_b``, because the horn turns and the cable drifts.
+``q`` is the whitened pulse. Every direction has an unknown phase ``psi_b``, for the horn turns and the cable drifts.
 The phase ``phi_2`` between two paths is assumed to be the same in all directions. ``psi_b`` is integrated out: with
 ``x_b = 2 |s_b^H y_b|`` the logarithm of the likelihood is
 
@@ -42,9 +42,7 @@ MIN_COST_DECREASE = 1e-3
 """Decrease of the cost at which a fit ends."""
 
 
-def linearise(
-    paths: Real, phase: Real, beams: BeamSamples, scan: Scan
-) -> tuple[Real, Complex, Complex, Complex]:
+def linearise(paths: Real, phase: Real, beams: BeamSamples, scan: Scan) -> tuple[Real, Complex, Complex, Complex]:
     """Model and derivatives of paths.
 
     Parameters

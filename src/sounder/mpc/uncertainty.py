@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sounder.cir.matched_filter import OVERSAMPLING
-from sounder.kernels.extraction.path_record import FIT_BEAMS, OVERLAP
+from sounder.kernels.extraction.records import FIT_BEAMS, OVERLAP
 from sounder.mpc.cramer_rao import Band
 from sounder.mpc.scan import Scan
 
@@ -17,7 +17,7 @@ MAIN_LOBE = 2.0
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Paths = NDArray[np.void]
+Paths = NDArray[np.record]
 Residual = NDArray[np.complex64] | None
 
 
@@ -50,7 +50,7 @@ def variance_inflation(found: Paths, power: Real, group: Integers, residual: Res
 
     Parameters
     ----------
-    found : array of `sounder.kernels.extraction.path_record.PATH` (mpc,)
+    found : array of `sounder.kernels.extraction.records.PATH` (mpc,)
     power : array (mpc, beam)
         From `beam_power`.
     group : array (mpc,)

@@ -98,8 +98,8 @@ class WindowPulse:
     whitener : array complex (combination, sample)
         To unit noise in each combination, for noise of power 1 a sample.
     pulse, slope : array complex (point, combination)
-        Whitened pulses of amplitude 1, ``OVERSAMPLING / POINT_STRIDE`` points a sample from the window's first sample on, and
-        their derivatives by delay [1/sample].
+        Whitened pulses of amplitude 1, ``OVERSAMPLING / POINT_STRIDE`` points a sample from the window's first sample
+        on, and their derivatives by delay [1/sample].
     """
 
     whitener: Complex

@@ -127,7 +127,7 @@ def _compile_kernels(job: Job) -> None:
     """Compile the kernels once, in this process, so that the workers find them in the cache."""
     from sounder.instrument.waveform import chips
     from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
-    from sounder.mpc.extract import extract
+    from sounder.mpc.extract import extract_mpcs
 
     sounder = job.recording.sounder
     correlator = MSequenceCorrelator(chips(sounder.waveform), sounder.waveform.samples_per_chip)
@@ -136,4 +136,4 @@ def _compile_kernels(job: Job) -> None:
     coords = {name: np.arange(size) for name, size in shape.items()}
     silence = np.zeros(tuple(shape.values()), np.complex64)
     with suppress(DataError):  # processing the positions will report what is wrong with the calibration
-        extract(xr.Dataset({"cir": (tuple(shape), silence)}, coords=coords), FilterCache().get(job), sounder)
+        extract_mpcs(xr.Dataset({"cir": (tuple(shape), silence)}, coords=coords), FilterCache().get(job), sounder)

@@ -13,7 +13,7 @@ from erm.common.storage import open_group, provenance, write_product
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.impulse_response import Problem, calibrate, impulse_responses
 from sounder.cir.power_spectrum import daps
-from sounder.mpc.extract import extract
+from sounder.mpc.extract import extract_mpcs
 from sounder.options import Options
 from sounder.processing import remarks
 from sounder.processing.jobs import Job
@@ -120,7 +120,7 @@ def process_recording(
     groups = {
         "/": _root(recording, problems),
         "/daps": daps(cir, recording.sounder, omnidirectional=options.omnidirectional),
-        "/mpc": extract(
+        "/mpc": extract_mpcs(
             cir,
             filter_,
             recording.sounder,

@@ -9,7 +9,8 @@ import pytest
 from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.kernels.correlation import avx512_instructions
-from sounder.kernels.extraction.scan_view import View, beams_of, table_of
+from sounder.kernels.extraction.records import ARTEFACT
+from sounder.kernels.extraction.scan_view import ScanView, beam_table, cut_table
 
 # s[n + order] is the sum (mod 2) of s[n + tap]: one primitive polynomial an order.
 TAPS = {
@@ -79,20 +80,39 @@ def hann() -> type[Hann]:
 
 
 @pytest.fixture(scope="session")
-def make_view() -> Callable[..., View]:
+def make_view() -> Callable[..., ScanView]:
     """Maker of views that see `Hann` pulses by least squares over the main lobe, best in white noise."""
 
-    def make(pattern: Pattern, looks: npt.ArrayLike, noise: npt.ArrayLike, grid: tuple[int, int, int]) -> View:
-        return View(
-            beam=beams_of(np.broadcast_to(noise, len(np.asarray(looks))), np.asarray(looks, float)),
-            azimuth_cut=table_of(pattern.azimuth_cut),
-            elevation_cut=table_of(pattern.elevation_cut),
+    def make(
+        pattern: Pattern, directions: npt.ArrayLike, noise: npt.ArrayLike, azimuths: int, elevations: int, circle: bool
+    ) -> ScanView:
+        directions = np.asarray(directions, float)
+        noise = np.broadcast_to(noise, len(directions))
+        return ScanView(
+            beams=beam_table(noise, np.where(np.isfinite(noise), noise * 10**1.2, np.inf), directions),
+            azimuth_cut=cut_table(pattern.azimuth_cut),
+            elevation_cut=cut_table(pattern.elevation_cut),
             pulse=Hann.table(),
             matched=Hann.table(3),
-            limits=np.array(
-                [10, -27, 27, 9, pattern.floor * np.log(10) / 20, 1 / np.sum(Hann.at(np.arange(-3, 4)) ** 2)]
-            ),
-            grid=np.array([*grid, OVERSAMPLING]),
+            artefacts=np.empty(0, ARTEFACT),
+            oversampling=OVERSAMPLING,
+            azimuths=azimuths,
+            elevations=elevations,
+            full_circle=circle,
+            azimuth_reach=10.0,
+            lowest=-27.0,
+            highest=27.0,
+            beamwidth=9.0,
+            floor=pattern.floor * np.log(10) / 20,
+            amplitude_variance=1 / np.sum(Hann.at(np.arange(-3, 4)) ** 2),
+            margin_above=2.0,
+            margin_below=4.0,
+            delay_resolution=1.1,
+            azimuth_resolution=5.0,
+            elevation_resolution=9.0,
+            remainder=0.1,
+            sidelobe_remainder=2.0,
+            sidelobe_level=10**-1.5,
         )
 
     return make

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from sounder.mpc.extract import extract
+from sounder.mpc.extract import extract_mpcs
 
 GAUSSIAN = {"pattern": "gaussian", "cut": None, "sidelobe_floor": -30.0}
 
 
 def mpcs(bench, paths, *, noise=-220.0, seed=0, distance=1.0, threshold="usc", scan=None):
     cir = bench.scan(paths, noise=noise, seed=seed) if scan is None else scan
-    return extract(cir, bench.filter_, bench.sounder, distance=distance, threshold=threshold)
+    return extract_mpcs(cir, bench.filter_, bench.sounder, distance=distance, threshold=threshold)
 
 
 def turn(a, b):

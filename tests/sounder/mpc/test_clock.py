@@ -6,7 +6,7 @@ import xarray as xr
 
 from sounder.instrument.description import Clock
 from sounder.mpc.clock import clock_variance, scan_order
-from sounder.mpc.extract import extract
+from sounder.mpc.extract import extract_mpcs
 from sounder.twin.faults import DelayDrift, Faults
 from sounder.twin.receiver import record
 
@@ -33,7 +33,7 @@ def test_order_is_that_of_the_times():
 def test_delays_know_the_clock_and_nothing_else_does(bench):
     cir = bench.scan([(-100.0, 200e-9, 40.0, 0.0), (-100.0, 300e-9, 140.0, 9.0)], noise=-130.0)
     told = bench.sounder.model_copy(update={"clock": Clock(step=5e-12)})
-    plain, table = (extract(cir, bench.filter_, sounder) for sounder in (bench.sounder, told))
+    plain, table = (extract_mpcs(cir, bench.filter_, sounder) for sounder in (bench.sounder, told))
     assert (plain["clock_std"] == 0).all()
     both = np.sqrt(plain["delay_std"] ** 2 + table["clock_std"] ** 2)
     np.testing.assert_allclose(table["delay_std"], both)
@@ -42,7 +42,7 @@ def test_delays_know_the_clock_and_nothing_else_does(bench):
     for name in ("delay", "azimuth_std", "elevation_std", "path_gain_std"):
         np.testing.assert_array_equal(plain[name], table[name])
     last_first = np.arange(108.0)[::-1].reshape(3, 36).T
-    turned = extract(cir, bench.filter_, told, time=last_first)
+    turned = extract_mpcs(cir, bench.filter_, told, time=last_first)
     np.testing.assert_allclose(np.sort(turned["clock_std"]) / 5e-12, np.sqrt([107 - 86.0, 107 - 40.0]), rtol=0.2)
 
 

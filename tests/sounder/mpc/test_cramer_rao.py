@@ -10,7 +10,8 @@ from scipy.optimize import least_squares
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.waveform import held_template
-from sounder.mpc.cramer_rao import NAMES, Band, cramer_rao, gains
+from sounder.mpc.cramer_rao import UNITS, Band, cramer_rao
+from sounder.mpc.directions import beam_directions, beam_gains
 
 C = 299792458.0
 HORN = Pattern.of(Antenna(gain=24.5, hpbw_azimuth=10, hpbw_elevation=9))
@@ -29,7 +30,7 @@ def paths(*rows, phase=None):
 def std(*args, **options):
     """Bounds (parameter, path)."""
     found = cramer_rao(*args, **options)
-    return np.array([found[f"{name}_std"].values for name in NAMES])
+    return np.array([found[f"{name}_std"].values for name in UNITS])
 
 
 @pytest.mark.parametrize(("snr", "millimetres"), [(20, 17), (30, 5.3), (40, 1.7)])
@@ -61,7 +62,7 @@ def test_azimuth_of_a_gaussian_lobe():
     for azimuth in (0.0, 1.0, 121.25):
         path = paths((1e-7, azimuth, 0, 30))
         grid = np.arange(0, 360, step)
-        boresight = 10 ** ((30 - gains([azimuth], [0.0], grid, [0.0], LOBE).max()) / 10)
+        boresight = 10 ** ((30 - beam_gains([azimuth], [0.0], beam_directions(grid, [0.0]), LOBE).max()) / 10)
         bound = std(path, grid, [0.0], LOBE, CHIP)[:, 0]
         assert bound[1] == pytest.approx(1 / np.sqrt(2 * boresight * k * np.sqrt(np.pi / 2 / k) / step), rel=1e-3)
         assert np.isnan(bound[2])  # one elevation tells none
@@ -233,7 +234,7 @@ def test_maximum_likelihood_reaches_the_bound(late, aside, shared):
     for _ in range(80):
         noise = rng.standard_normal((*clean.shape, 2)) @ [1, 1j] / np.sqrt(2)
         errors.append(most_likely(clean + noise, truth, phase, shared=shared))
-    best = gains(truth[:, 1], truth[:, 2], *SCAN, HORN).max(axis=1)
+    best = beam_gains(truth[:, 1], truth[:, 2], beam_directions(*SCAN), HORN).max(axis=1)
     rows = [(*row[:3], row[3] * 20 / np.log(10) + gain) for row, gain in zip(truth, best, strict=True)]
     bound = std(paths(*rows, phase=phase), *SCAN, HORN, NARROW, phases="shared" if shared else "own")
     measured = np.sqrt(np.mean(np.square(errors), axis=0)).T * [[1], [1], [1], [20 / np.log(10)]]
@@ -246,7 +247,7 @@ def test_a_clock_that_wanders_adds_its_walk():
     step, path = 1e-12, (1e-7, 33.0, 4.0, 40.0)
     still, wandering = (std(paths(path), CIRCLE, FAN, HORN, CHIP, drift=drift) for drift in (0.0, step))
     np.testing.assert_allclose(wandering[1:], still[1:])
-    power = 10 ** (gains([33.0], [4.0], CIRCLE, FAN, HORN)[0] / 10)
+    power = 10 ** (beam_gains([33.0], [4.0], beam_directions(CIRCLE, FAN), HORN)[0] / 10)
     alone = still[0, 0] ** 2 * power.sum() / power  # each direction by itself
     when = np.array([e * CIRCLE.size + a for a in range(CIRCLE.size) for e in range(FAN.size)])
     walk = step**2 * np.minimum.outer(when, when)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.mpc.extract import extract
+from sounder.mpc.extract import extract_mpcs
 
 HORN = 24.5
 
@@ -25,7 +25,7 @@ def test_a_path_far_above_the_fan_is_one_mpc_with_its_gain(bench_maker, descript
     for seed in range(draws):
         elevation = rng.choice([-1, 1]) * rng.uniform(19.5, 24)
         path = -100.0, rng.uniform(30e-9, 800e-9), rng.uniform(0, 360), elevation
-        table = extract(bench.scan([path], noise=-100 + HORN - 50, seed=seed), bench.filter_, bench.sounder)
+        table = extract_mpcs(bench.scan([path], noise=-100 + HORN - 50, seed=seed), bench.filter_, bench.sounder)
         assert table.sizes["mpc"] == 1, (seed, path)
         row = table.isel(mpc=0)
         assert abs(turn(row["azimuth"], path[2])) < 1, (seed, path)
@@ -54,7 +54,7 @@ def test_errors_inside_the_fan_do_not_reach_to_what_is_unlikely(bench):
         phase = np.exp(2j * np.pi * rng.random(seen.shape))
         cir = level * (seen * phase)[..., None] * pulse
         cir += 0.1 * level * seen.max() * np.roll(rng.permutation(noise), rng.integers(1022), 1).reshape(cir.shape)
-        row = extract(bench.dataset(cir.astype(np.complex64)), bench.filter_, bench.sounder).isel(mpc=0)
+        row = extract_mpcs(bench.dataset(cir.astype(np.complex64)), bench.filter_, bench.sounder).isel(mpc=0)
         errors = row["elevation"] - path[2], row["path_gain"] + 100
         normalised.append([abs(errors[0]) / row["elevation_std"], abs(errors[1]) / row["path_gain_std"]])
     within = np.mean(np.array(normalised) < 1, axis=0), np.mean(np.array(normalised) < 2, axis=0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.mpc.extract import extract
+from sounder.mpc.extract import extract_mpcs
 
 HORN = 24.5
 
@@ -30,7 +30,7 @@ def draws(bench, late, fainter, count, *, shared, seed):
     for _ in range(count):
         azimuth, elevation, delay = rng.uniform(0, 360), rng.uniform(-9, 9), rng.uniform(30e-9, 800e-9)
         paths = [(-100.0, delay, azimuth, elevation), (-100.0 - fainter, delay + late, azimuth, elevation)]
-        table = extract(scan(bench, paths, -100 + HORN - 30, rng, shared=shared), bench.filter_, bench.sounder)
+        table = extract_mpcs(scan(bench, paths, -100 + HORN - 30, rng, shared=shared), bench.filter_, bench.sounder)
         found.append(table.sizes["mpc"])
         if found[-1] < 2:
             continue

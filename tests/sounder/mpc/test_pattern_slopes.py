@@ -3,6 +3,7 @@
 import numpy as np
 
 from sounder.instrument.antenna_pattern import ANGLE_STEP, Pattern
+from sounder.mpc.directions import beam_directions
 from sounder.mpc.pattern_slopes import Cuts, slopes
 
 
@@ -15,13 +16,12 @@ def test_slopes_are_those_of_the_pattern(bench):
     """
     pattern, rng = Pattern.of(bench.sounder.rx_antenna), np.random.default_rng(7)
     azimuth, elevation = rng.uniform(0, 360, (40, 2)), rng.uniform(-13, 13, (40, 2))
-    scan = np.meshgrid(bench.sounder.scan.azimuth, bench.sounder.scan.elevation, indexing="ij")
-    looks = np.stack([grid.ravel() for grid in scan], axis=-1).astype(float)
+    directions = beam_directions(bench.sounder.scan.azimuth, bench.sounder.scan.elevation)
 
     def level(east, up):
-        return pattern.beam_gain(azimuth[..., None] + east, elevation[..., None] + up, *looks.T) * np.log(10) / 20
+        return pattern.beam_gain(azimuth[..., None] + east, elevation[..., None] + up, *directions.T) * np.log(10) / 20
 
-    g, turned, raised = slopes(azimuth, elevation, looks, Cuts.of(pattern))
+    g, turned, raised = slopes(azimuth, elevation, directions, Cuts.of(pattern))
     np.testing.assert_allclose(g, np.exp(level(0, 0)), rtol=1e-9)
     curve = max(np.abs(np.diff(cut, 2)).max() for cut in (pattern.azimuth_cut, pattern.elevation_cut))
     for made, (east, up) in ((turned, (ANGLE_STEP, 0)), (raised, (0, ANGLE_STEP))):

@@ -6,14 +6,14 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sounder.mpc.cramer_rao import NAMES
+from sounder.mpc.cramer_rao import UNITS
 from sounder.mpc.score import Gates, score, with_snr
 
 
 def table(rows, dim="mpc", **more):
     """Rows of delay [ns], azimuth, elevation [degree], path gain [dB]."""
     values = np.array(rows, float).reshape(-1, 4) * [1e-9, 1, 1, 1]
-    columns = {name: (dim, values[:, i]) for i, name in enumerate(NAMES)}
+    columns = {name: (dim, values[:, i]) for i, name in enumerate(UNITS)}
     return xr.Dataset(columns | {name: (dim, np.asarray(value)) for name, value in more.items()})
 
 
@@ -25,7 +25,7 @@ def test_truth_scores_itself():
     assert judged.detection == 1.0
     assert judged.false_share == 0.0
     assert judged.paths["match"].values.tolist() == [0, 1, 2, 3]
-    for name in NAMES:
+    for name in UNITS:
         assert (judged.paths[f"{name}_error"] == 0).all()
 
 
@@ -37,7 +37,7 @@ def test_neither_order_nor_north_matters(theirs, ours, north):
     found = truth + rng.normal(0, [0.2, 1.0, 1.0, 1.0], (4, 4))
     truth[:, 1] %= 360
     judged = score(table(found[list(ours)]), table(truth[list(theirs)], "path"))
-    for i, name in enumerate(NAMES):
+    for i, name in enumerate(UNITS):
         expected = (found - np.array(TRUTH) - [0, north, 0, 0])[theirs, i] * (1e-9 if name == "delay" else 1)
         np.testing.assert_allclose(judged.paths[f"{name}_error"], expected, atol=1e-9 if i else 1e-17)
 
@@ -136,10 +136,10 @@ def test_errors_and_their_honesty():
     truth = np.column_stack([10.0 * np.arange(count), rng.uniform(0, 360, count), np.zeros(count), np.full(count, -90)])
     std = np.array([0.1, 0.5, 0.7, 0.6])
     found = truth + rng.standard_normal((count, 4)) * std
-    told = {f"{name}_std": np.full(count, std[i] * (1e-9 if i == 0 else 1)) for i, name in enumerate(NAMES)}
+    told = {f"{name}_std": np.full(count, std[i] * (1e-9 if i == 0 else 1)) for i, name in enumerate(UNITS)}
     summary = score(table(found, **told), table(truth, "path")).summary()
     assert summary["detection"] == 1.0
-    for i, name in enumerate(NAMES):
+    for i, name in enumerate(UNITS):
         row = summary["errors"][name]
         # a share's deviation is sqrt(0.68 * 0.32 / 2000) = 1 %, the RMS's 1 / sqrt(4000) = 1.6 %; four of each
         assert row["within_1_std"] == pytest.approx(0.683, abs=0.042)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from sounder.mpc.extract import extract
-from sounder.mpc.single_thread import one_thread
+from sounder.mpc.extract import extract_mpcs
+from sounder.mpc.single_thread import single_thread
 
 
 def threads() -> set[int]:
@@ -28,9 +28,9 @@ def test_a_crowded_position_gives_the_same_bits(bench, two):
     late, aside = 200e-9 + 1.1e-9 * np.arange(8), 40 + 6 * (np.arange(8) % 4)
     paths = [(-100.0 - rng.uniform(0, 6), t, a, 2.0) for t, a in zip(late, aside, strict=True)]
     scan = bench.scan(paths, seed=3)
-    many = extract(scan, bench.filter_, bench.sounder)
+    many = extract_mpcs(scan, bench.filter_, bench.sounder)
     with threadpool_limits(1, user_api="blas"):
-        one = extract(scan, bench.filter_, bench.sounder)
+        one = extract_mpcs(scan, bench.filter_, bench.sounder)
     assert one.sizes["mpc"] > 4
     assert one.identical(many)
 
@@ -39,12 +39,12 @@ def test_the_number_of_threads_is_set_back_by_the_last(two):
     inside, leave = threading.Event(), threading.Event()
 
     def other():
-        with one_thread():
+        with single_thread():
             inside.set()
             leave.wait(10)
 
     thread = threading.Thread(target=other)
-    with one_thread():
+    with single_thread():
         thread.start()
         assert inside.wait(10)
         assert threads() == {1}

@@ -9,14 +9,14 @@ from sounder.cir.deembedding import Deembedding
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Artefact, Processing
-from sounder.mpc.extract import extract
+from sounder.mpc.extract import extract_mpcs
 
 HORN = 24.5
 STDS = ("delay_std", "azimuth_std", "elevation_std", "path_gain_std")
 
 
 def mpcs(bench, paths, *, noise=-130.0, seed=0, **options):
-    return extract(bench.scan(paths, noise=noise, seed=seed), bench.filter_, bench.sounder, **options)
+    return extract_mpcs(bench.scan(paths, noise=noise, seed=seed), bench.filter_, bench.sounder, **options)
 
 
 def test_covariance_is_one(bench):
@@ -105,13 +105,13 @@ def test_copies_that_the_instrument_makes_are_no_paths(bench):
     paths = [(-100.0, 200e-9, 40.0, 2.0), (-120.5, 240e-9, 40.0, 2.0), (-112.0, 300e-9, 140.0, 2.0)]
     told = bench.sounder.model_copy(update={"processing": Processing(artefact=(Artefact(delay=40e-9, level=-20.0),))})
     cir = bench.scan(paths, noise=-130.0)
-    assert extract(cir, bench.filter_, bench.sounder).sizes["mpc"] == 3
-    found = extract(cir, bench.filter_, told)
+    assert extract_mpcs(cir, bench.filter_, bench.sounder).sizes["mpc"] == 3
+    found = extract_mpcs(cir, bench.filter_, told)
     np.testing.assert_allclose(found["delay"], [200e-9, 300e-9], atol=0.1e-9)
     # a path that is stronger than any copy is one
     stronger = [paths[0], (-117.0, *paths[1][1:])]
     cir = bench.scan(stronger, noise=-130.0)
-    assert extract(cir, bench.filter_, told).sizes["mpc"] == 2
+    assert extract_mpcs(cir, bench.filter_, told).sizes["mpc"] == 2
 
 
 def test_an_instrument_with_mirrors(shared_data, bench):
@@ -147,7 +147,7 @@ def test_an_instrument_with_mirrors(shared_data, bench):
 
     def found(repeat, sounder):
         scan = bench.dataset(np.zeros((36, 3, 1022), np.complex64)).isel(azimuth=[0], elevation=[0]).drop_dims("delay")
-        return extract(
+        return extract_mpcs(
             scan.assign(cir=(("azimuth", "elevation", "delay"), cirs[repeat, best][None, None].astype(np.complex64))),
             filter_,
             sounder,

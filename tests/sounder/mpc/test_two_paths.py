@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.mpc.extract import extract
+from sounder.mpc.extract import extract_mpcs
 
 HORN = 24.5
 
@@ -42,7 +42,7 @@ def test_two_paths_at_one_delay_are_found_both(bench, apart, rmse):
     for _ in range(draws):
         azimuth, elevation, delay = rng.uniform(0, 360), rng.uniform(-9, 9), rng.uniform(30e-9, 800e-9)
         paths = [(-100.0, delay, azimuth, elevation), (-100.0, delay, azimuth + apart, elevation)]
-        table = extract(scan(bench, paths, -100 + HORN - 30, rng), bench.filter_, bench.sounder)
+        table = extract_mpcs(scan(bench, paths, -100 + HORN - 30, rng), bench.filter_, bench.sounder)
         if table.sizes["mpc"] == 2:
             off = np.sort(turn(table["azimuth"].values, azimuth))
             errors.append(off - [0, apart])
@@ -57,7 +57,7 @@ def test_errors_of_pairs_are_what_the_standard_deviations_say(bench):
     for _ in range(12):
         azimuth, elevation, delay = rng.uniform(0, 360), rng.uniform(-9, 9), rng.uniform(30e-9, 800e-9)
         paths = [(-100.0, delay, azimuth, elevation), (-100.0, delay, azimuth + 15, elevation)]
-        table = extract(scan(bench, paths, -100 + HORN - 30, rng), bench.filter_, bench.sounder)
+        table = extract_mpcs(scan(bench, paths, -100 + HORN - 30, rng), bench.filter_, bench.sounder)
         assert table.sizes["mpc"] == 2
         off = turn(table["azimuth"].values, azimuth)
         order = np.argsort(off)
@@ -81,7 +81,7 @@ def test_pairs_whose_phase_turns_from_beam_to_beam_have_errors_that_say_so(bench
     for _ in range(draws):
         azimuth, elevation, delay = rng.uniform(0, 360), rng.uniform(-9, 9), rng.uniform(30e-9, 800e-9)
         paths = [(-100.0, delay, azimuth, elevation), (-100.0, delay, azimuth + 10, elevation)]
-        table = extract(scan(bench, paths, -100 + HORN - 30, rng, turns=True), bench.filter_, bench.sounder)
+        table = extract_mpcs(scan(bench, paths, -100 + HORN - 30, rng, turns=True), bench.filter_, bench.sounder)
         if table.sizes["mpc"] == 2:
             off = turn(table["azimuth"].values, azimuth)
             order = np.argsort(off)
@@ -95,5 +95,5 @@ def test_one_path_is_not_split(bench, snr):
     rng = np.random.default_rng(5)
     for _ in range(12):
         path = -100.0, rng.uniform(30e-9, 800e-9), rng.uniform(0, 360), rng.uniform(-11, 11)
-        table = extract(scan(bench, [path], -100 + HORN - snr, rng), bench.filter_, bench.sounder)
+        table = extract_mpcs(scan(bench, [path], -100 + HORN - snr, rng), bench.filter_, bench.sounder)
         assert table.sizes["mpc"] == 1, path

@@ -5,7 +5,7 @@ import math
 from sounder.kernels.compiler.compile import part
 from sounder.kernels.extraction.beam_fit import fit_angles
 from sounder.kernels.extraction.delay_fit import magnitude_variance
-from sounder.kernels.extraction.path_record import FIT_BEAMS, Path
+from sounder.kernels.extraction.records import FIT_BEAMS, Path
 from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
 from sounder.kernels.extraction.sidelobe_check import sidelobe_misfit
 from sounder.kernels.extraction.workspace import TRIALS, Workspace
@@ -64,9 +64,7 @@ def _bound(within_fan: bool, outward: float, edge: float, view: ScanView, path: 
 
 
 @part
-def fit_near(
-    b: int, view: ScanView, work: Workspace, free: tuple[float, float], max_steps: float, path: Path
-) -> float:
+def fit_near(b: int, view: ScanView, work: Workspace, free: tuple[float, float], max_steps: float, path: Path) -> float:
     """Fit the angles to the magnitudes in the beams about one, within the bounds of the path; see `fit_angles`."""
     azimuth = view.beams[b].azimuth
     bounds = (
@@ -112,16 +110,17 @@ def _choose(b: int, view: ScanView, work: Workspace, trials: int, outward: float
         best = inside
     variance = _variance(view, work, b, tried[best].squares)
     most = _total(work, best, variance) + ALTERNATIVE * variance
-    path.elevation_spread = path.amplitude_spread = 0.0
+    elevation_spread = amplitude_spread = 0.0
     for i in range(trials):
         ratio = math.log(tried[i].amplitude / tried[best].amplitude)
         if _total(work, i, variance) + STRENGTH_PRIOR * ratio * variance < most:
             further = tried[i].elevation - tried[best].elevation
             stronger = tried[best].amplitude * ratio
-            if abs(further) > abs(path.elevation_spread):
-                path.elevation_spread = further
-            if abs(stronger) > abs(path.amplitude_spread):
-                path.amplitude_spread = stronger
+            if abs(further) > abs(elevation_spread):
+                elevation_spread = further
+            if abs(stronger) > abs(amplitude_spread):
+                amplitude_spread = stronger
+    path.elevation_spread, path.amplitude_spread = elevation_spread, amplitude_spread
     return best
 
 

@@ -3,8 +3,8 @@
 import math
 
 from sounder.kernels.compiler.compile import part
-from sounder.kernels.extraction.path_record import FIT_BEAMS
 from sounder.kernels.extraction.pulse import Cir, match, power, sample, times
+from sounder.kernels.extraction.records import FIT_BEAMS
 from sounder.kernels.extraction.scan_view import ScanView
 from sounder.kernels.extraction.workspace import Workspace
 

@@ -11,8 +11,8 @@ from sounder.kernels.extraction.angle_search import (
     weigh_beams,
 )
 from sounder.kernels.extraction.delay_fit import measure_magnitudes, refine_delay, set_filter
-from sounder.kernels.extraction.path_record import Path
 from sounder.kernels.extraction.pulse import Cir, add, match, power, power_around, sample
+from sounder.kernels.extraction.records import Path
 from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
 from sounder.kernels.extraction.sidelobe_check import measure_sidelobes
 from sounder.kernels.extraction.workspace import Workspace

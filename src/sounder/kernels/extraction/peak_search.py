@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.compiler.compile import part
-from sounder.kernels.extraction.path_record import Path
 from sounder.kernels.extraction.pulse import Cir, nearest, power, sample
+from sounder.kernels.extraction.records import Path
 from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
 from sounder.kernels.extraction.workspace import Workspace
 

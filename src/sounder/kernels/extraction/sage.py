@@ -12,7 +12,6 @@ import numpy as np
 
 from sounder.kernels.compiler.compile import jit, part
 from sounder.kernels.extraction.fit_path import update_path
-from sounder.kernels.extraction.path_record import OVERLAP, Path, Paths
 from sounder.kernels.extraction.peak_search import (
     Search,
     expect_remainder,
@@ -21,6 +20,7 @@ from sounder.kernels.extraction.peak_search import (
     search_block,
 )
 from sounder.kernels.extraction.pulse import Cir
+from sounder.kernels.extraction.records import OVERLAP, Path, Paths
 from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
 from sounder.kernels.extraction.workspace import Workspace
 

@@ -7,27 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from sounder.kernels.compiler.compile import part
+from sounder.kernels.extraction.records import BEAM
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
-Records = npt.NDArray[np.void]
+Records = npt.NDArray[np.record]
 Direction = tuple[float, float, float, float]
 
-BEAM = np.dtype(
-    [
-        ("noise", np.float64),
-        ("threshold", np.float64),
-        ("azimuth", np.float64),
-        ("elevation", np.float64),
-        ("cos_azimuth", np.float64),
-        ("sin_azimuth", np.float64),
-        ("cos_elevation", np.float64),
-        ("sin_elevation", np.float64),
-    ]
-)
-"""A beam: mean noise power, NaN if it was not recorded; least power of a path; where it looks [degree]."""
-ARTEFACT = np.dtype([("delay", np.float64), ("amplitude", np.float64)])
-"""A copy that the instrument makes of every path: how much later [sample], and its amplitude at most, relative."""
 GAIN, SLOPE = 0, 1
 """Rows of a cut."""
 RADIANS = math.pi / 180.0
@@ -38,14 +24,14 @@ class ScanView(NamedTuple):
 
     Attributes
     ----------
-    beams : array of `BEAM` (beam,)
+    beams : array of `sounder.kernels.extraction.records.BEAM` (beam,)
         Azimuth-major.
     azimuth_cut, elevation_cut : array (2, angle)
         The pattern [neper] tabulated evenly from -180 to 180 degree, linear between, and its slope [neper/radian].
     pulse, matched : array complex (point,)
         The pulse of a path of amplitude 1, and the filter that measures the amplitude, conjugated;
         ``oversampling`` points a sample.
-    artefacts : array of `ARTEFACT` (artefact,)
+    artefacts : array of `sounder.kernels.extraction.records.ARTEFACT` (artefact,)
     oversampling : int
     azimuths, elevations : int
         Size of the scan.

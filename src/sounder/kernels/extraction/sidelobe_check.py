@@ -10,8 +10,8 @@ import math
 
 from sounder.kernels.compiler.compile import part
 from sounder.kernels.extraction.delay_fit import set_filter
-from sounder.kernels.extraction.path_record import Path
 from sounder.kernels.extraction.pulse import Cir, match, power
+from sounder.kernels.extraction.records import Path
 from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
 from sounder.kernels.extraction.workspace import Workspace
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from sounder.kernels.extraction.path_record import FIT_BEAMS
+from sounder.kernels.extraction.records import FIT_BEAMS, TRIAL
 from sounder.kernels.extraction.scan_view import ScanView
 
 Real = npt.NDArray[np.float64]
@@ -13,16 +13,6 @@ Complex = npt.NDArray[np.complex128]
 
 TRIALS = 10
 """Directions that an angle fit at the edge of the fan starts from."""
-TRIAL = np.dtype(
-    [
-        ("azimuth", np.float64),
-        ("elevation", np.float64),
-        ("amplitude", np.float64),
-        ("squares", np.float64),
-        ("sidelobe_misfit", np.float64),
-    ]
-)
-"""A direction tried: the fit from there, its squared residuals, and what `sidelobe_misfit` says of it."""
 
 
 class Workspace(NamedTuple):
@@ -47,7 +37,7 @@ class Workspace(NamedTuple):
     near: npt.NDArray[np.int64]
     weight: Real
     magnitude: Real
-    trials: npt.NDArray[np.void]
+    trials: npt.NDArray[np.record]
     sidelobes: Real
 
 

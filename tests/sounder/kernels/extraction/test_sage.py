@@ -5,11 +5,13 @@ import pytest
 
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.kernels.extraction import columns as component
-from sounder.kernels.extraction.peak_search import Limits, search_of
-from sounder.kernels.extraction.sage import cancel
+from sounder.kernels.extraction.peak_search import new_search
+from sounder.kernels.extraction.records import PATH
+from sounder.kernels.extraction.sage import Effort, cancel
+from sounder.kernels.extraction.workspace import workspace
 
 SIZE = 300
+SAGE = Effort(removes=1, refits=3, passes=2)
 PATTERN = Pattern.of(Antenna(gain=24.5, hpbw_azimuth=10.0, hpbw_elevation=9.0))
 LOOKS = np.array([[a, e] for a in range(0, 360, 10) for e in (-9, 0, 9)], float)
 
@@ -31,20 +33,12 @@ def beams_of(hann):
 
 @pytest.fixture
 def run(make_view):
-    def cancelled(beams, *, noise=1e-8, capacity=50, effort=(1, 3, 2)):
+    def cancelled(beams, *, noise=1e-8, capacity=50, effort=SAGE):
         left = beams.astype(np.complex64)
-        level = np.where(np.isfinite(beams[:, 0]), noise, np.nan)
-        view = make_view(PATTERN, LOOKS, level, (36, 3, 1))
-        limits = Limits(
-            threshold=np.where(np.isfinite(level), level * 10**1.2, np.inf),
-            resolution=np.array([1.1, 5.0, 9.0]),
-            leftover=np.array([0.1, 2.0, 10**-1.5]),
-            artefact=np.empty((0, 2)),
-            margin=2.0,
-        )
-        work = component.work_of(view)
-        found, taken = np.zeros((capacity, component.COLUMNS)), np.zeros((capacity, len(LOOKS)), np.complex64)
-        count, complete = cancel(left, view, limits, np.array(effort), work, search_of(left, work), found, taken)
+        view = make_view(PATTERN, LOOKS, np.where(np.isfinite(beams[:, 0]), noise, np.nan), 36, 3, True)
+        work = workspace(view)
+        found, removed = np.zeros(capacity, PATH), np.zeros((capacity, len(LOOKS)), np.complex64)
+        count, complete = cancel(left, view, effort, work, new_search(left, work), found, removed)
         return found[:count], left, complete
 
     return cancelled
@@ -60,10 +54,9 @@ def test_paths_are_found_and_nothing_is_left(run, beams_of):
     found, left, complete = run(beams_of(paths, rng) + noise_of(rng))
     assert complete
     assert len(found) == 3
-    order = np.argsort(-found[:, component.AMPLITUDE])
-    columns = [component.AMPLITUDE, component.DELAY, component.AZIMUTH, component.ELEVATION]
+    found = found[np.argsort(-found["amplitude"])]
     expected = np.array(paths)
-    got = found[order][:, columns]
+    got = np.stack([found[name] for name in ("amplitude", "delay", "azimuth", "elevation")], axis=-1)
     got[:, 2] = expected[:, 2] + (got[:, 2] - expected[:, 2] + 180) % 360 - 180
     got[:, 1] = expected[:, 1] + (got[:, 1] - expected[:, 1] + SIZE / 2) % SIZE - SIZE / 2
     # 66 dB over the noise for the weakest: 5e-4 of amplitude, and 1e-3 of the widths of pulse and beam
@@ -78,7 +71,7 @@ def test_missing_beams_are_passed_over(run, beams_of):
     beams[60:] = np.nan
     found, left, _ = run(beams)
     assert len(found) == 1
-    assert found[0, component.AZIMUTH] == pytest.approx(3.0, abs=0.01)
+    assert found["azimuth"][0] == pytest.approx(3.0, abs=0.01)
     assert np.isfinite(left[:60]).all()
     assert np.isnan(left[60:]).all()
 
@@ -109,8 +102,8 @@ def test_paths_within_each_others_pulse_are_told_apart(run, beams_of, apart, tol
         paths = np.array([(1.0, delay, azimuth, 0.0), (0.6, delay + apart, azimuth + more, 0.0)])
         found, *_ = run(beams_of(paths, rng) + noise_of(rng, 1e-6), noise=1e-6)
         assert len(found) == 2, (delay, azimuth)
-        found = found[np.argsort(-found[:, component.AMPLITUDE])]
-        got = found[:, [component.AMPLITUDE, component.DELAY]]
+        found = found[np.argsort(-found["amplitude"])]
+        got = np.stack([found["amplitude"], found["delay"]], axis=-1)
         # noise at -60 dB: 1e-3 / sqrt(2) of amplitude, divided by 0.8 rad a sample of delay, and by 0.6; four times.
         # The rest is what rounds of fitting leave of an overlap of 0.2 at 2.7 samples and under 0.1 from 3 on.
         np.testing.assert_allclose(got, paths[:, :2], atol=tolerance + 4e-3)
