@@ -192,7 +192,8 @@ def cramer_rao(
 def _slopes(azimuth: Real, elevation: Real, directions: Real, pattern: Pattern) -> Real:
     """Derivatives by azimuth and elevation [1/degree] of the amplitude pattern, and itself; (3, path, direction).
 
-    The cuts are linear in dB between angles ``ANGLE_STEP`` apart: differences over that step are those of the measured curve.
+    The cuts are linear in dB between angles ``ANGLE_STEP`` apart. Differences over that step are those of the measured
+    curve.
     """
 
     def level(east: float, up: float) -> Real:
