@@ -157,6 +157,7 @@ def cramer_rao(
     ...     path.assign(snr=("path", [30.0])), range(0, 360, 10), [-9, 0, 9], Pattern.of(sounder.rx_antenna), band
     ... )
     >>> print(f"{bound['delay_std'][0] * 1e12:.1f} ps, {bound['azimuth_std'][0]:.2f} degree")
+    15.5 ps, 0.17 degree
     """
     (dim,) = paths["delay"].dims
     count = paths.sizes[dim]

@@ -9,7 +9,7 @@ from sounder.kernels.extraction.records import FIT_BEAMS
 from sounder.mpc.directions import beam_gains
 
 MIN_STEP = 0.5
-"""Least change of elevation over which the parabola is laid [degree]: two points of the pattern's table."""
+"""Least change of elevation over which the parabola is laid [degree]; chosen, not derived."""
 MAX_STEP = 15.0
 """Most of it [degree]; chosen, not derived."""
 

@@ -25,6 +25,11 @@ class Parameter(IntEnum):
 
 AZIMUTH, ELEVATION, LEVEL, DELAY, PHASE = Parameter
 
+AZIMUTH_GRID = 0.25
+"""Step of the directions that fits start from [beamwidth]; chosen, not derived."""
+REGULARISATION = 1e-6
+"""Information added so that a matrix can be inverted."""
+
 
 def set_path(
     path: np.record,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sounder.kernels.extraction.records import OVERLAP, PATH
 from sounder.mpc.directions import wrap
-from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL, PHASE, set_path
+from sounder.mpc.fit_parameters import AZIMUTH, AZIMUTH_GRID, DELAY, ELEVATION, LEVEL, PHASE, set_path
 from sounder.mpc.joint_fit import PARAMETERS, JointFit, best_phases, fit_jointly
 from sounder.mpc.scan import CANCELLATION_RESIDUAL, Scan
 from sounder.mpc.two_paths_decision import MIN_SEPARATION
@@ -34,23 +34,21 @@ MAX_GROUP = 8
 """Most paths of a group; the loosest ties beyond are cut. Bounds the time of a fit."""
 BEAM_REACH = 2.2
 """Beams of a group: how far from one of its paths [beamwidth]; chosen, not derived."""
-MIN_IMPROVEMENT = 60.0
+JOINT_IMPROVEMENT = 60.0
 """Least decrease of the squared residuals, in variances, for one more path. Five unknowns in a thousand numbers are
 worth 35 (Bayes' information criterion), and there are many places where a path might be."""
 MIN_PROMISE = 0.5
-"""A path is tried where the best place, all else held, promises this share of `MIN_IMPROVEMENT`; chosen."""
+"""A path is tried where the best place, all else held, promises this share of `JOINT_IMPROVEMENT`; chosen."""
 MAX_ADDED = 3
 """Most paths added to a group."""
 DELAY_CELL = 1.1
 """Samples that separate paths as a beamwidth does: about the inverse of the band kept."""
-MAX_EXCESS = 1.5
+JOINT_EXCESS = 1.5
 """Standard deviations by which the squared residuals may exceed those of noise."""
 MAX_DELAY_MOVE = 1.5
 """How far a path may move in a fit [sample]; chosen, not derived."""
-AZIMUTH_STEP = 0.25
-"""Step of the search for another path [beamwidth]; chosen, not derived."""
-DELAY_STEP = 0.5
-"""The same in delay [sample]."""
+DELAY_GRID = 0.5
+"""Step of the delays at which another path is looked for [sample]; chosen, not derived."""
 
 
 def refine_jointly(found: Paths, removed: Complex, group: Integers, scan: Scan) -> tuple[Paths, Integers]:
@@ -127,7 +125,7 @@ def _fit_group(members: Integers, found: Paths, removed: Complex, scan: Scan) ->
     freedom = max(2 * residual.size - 2 * np.count_nonzero(own) - members.size, 1)
     separate_misfit = 2 * np.sum(np.abs(residual) ** 2) / freedom
     best = fit_jointly(start, _bounds(start, scan), beams, window, scan.cuts)
-    allowed = max(separate_misfit, 1 + MAX_EXCESS / np.sqrt(best.residual.size))
+    allowed = max(separate_misfit, 1 + JOINT_EXCESS / np.sqrt(best.residual.size))
     if best.misfit > allowed or _separation(best.paths, scan) < MIN_SEPARATION:
         return None
     for _ in range(MAX_ADDED):
@@ -188,7 +186,7 @@ def _with_another(known: JointFit, beams: BeamSamples, window: WindowPulse, scan
         return None
     paths = np.vstack([known.paths, start])
     more = fit_jointly(paths, _bounds(paths, scan), beams, window, scan.cuts)
-    if 2 * (known.cost - more.cost) < MIN_IMPROVEMENT * max(1.0, more.misfit):
+    if 2 * (known.cost - more.cost) < JOINT_IMPROVEMENT * max(1.0, more.misfit):
         return None
     elevation = more.paths[-1, ELEVATION]
     lowest, highest = scan.elevation_range
@@ -214,11 +212,11 @@ def _candidate(known: JointFit, beams: BeamSamples, window: WindowPulse, scan: S
     directions.
     """
     east = beams.directions[:, 0]
-    azimuth = np.arange(east.min(), east.max() + 0.1, AZIMUTH_STEP * scan.beamwidth[0])
+    azimuth = np.arange(east.min(), east.max() + 0.1, AZIMUTH_GRID * scan.beamwidth[0])
     rows = np.unique(beams.directions[:, 1])
     elevation = np.concatenate([[rows[0] - scan.beamwidth[1] / 2], rows, [rows[-1] + scan.beamwidth[1] / 2]])
     delays = known.paths[:, DELAY]
-    delay = np.arange(delays.min() - PADDING / 2, delays.max() + PADDING / 2, DELAY_STEP)
+    delay = np.arange(delays.min() - PADDING / 2, delays.max() + PADDING / 2, DELAY_GRID)
     pulse, _ = window.at(delay)
     azimuth, elevation = (grid.ravel()[:, None] for grid in np.meshgrid(azimuth, elevation, indexing="ij"))
     g = 10 ** (scan.pattern.beam_gain(azimuth, elevation, *beams.directions.T) / 20) / np.sqrt(beams.noise)
@@ -226,7 +224,7 @@ def _candidate(known: JointFit, beams: BeamSamples, window: WindowPulse, scan: S
     energy = np.sum(g**2, axis=1)[:, None] * np.sum(np.abs(pulse) ** 2, axis=1)
     explained = np.abs(amplitude) ** 2 / energy
     place, when = np.unravel_index(np.argmax(explained), explained.shape)
-    if 2 * explained[place, when] < MIN_PROMISE * MIN_IMPROVEMENT:
+    if 2 * explained[place, when] < MIN_PROMISE * JOINT_IMPROVEMENT:
         return None
     best = amplitude[place, when] / energy[place, when]
     start = np.empty(PARAMETERS)

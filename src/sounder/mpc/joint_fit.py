@@ -14,22 +14,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL, PHASE
+from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL, PHASE, REGULARISATION, Parameter
 from sounder.mpc.pattern_slopes import Cuts, slopes
 from sounder.mpc.whitened_samples import BeamSamples, WindowPulse
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-PARAMETERS = 5
+PARAMETERS = len(Parameter)
 """Parameters of a path."""
-MIN_COST_DECREASE = 0.01
+JOINT_CONVERGENCE = 0.01
 """Decrease of the negative log-likelihood at which a fit ends: a seventh of a standard deviation."""
 MAX_STEPS = 30
+"""Steps of a fit, at most."""
 PHASE_ITERATIONS = 6
 """Alternations between the phases of the paths and those of the directions."""
-REGULARISATION = 1e-6
-"""Information added so that a matrix can be inverted."""
 LOADING = 0.05
 """Energy added to each pulse, relative, so that pulses nearly alike do not cancel with large amplitudes; chosen."""
 
@@ -96,7 +95,7 @@ def fit_jointly(paths: Real, bounds: Real, beams: BeamSamples, window: WindowPul
         if decrease > 0:
             paths, (cost, normal, gradient, residual) = trial, at_trial
         damping *= 0.2 if decrease > 0 else 6.0
-        if 0 < decrease < MIN_COST_DECREASE or damping > 1e6:
+        if 0 < decrease < JOINT_CONVERGENCE or damping > 1e6:
             break
     freedom = max(2 * residual.size - len(residual) - paths.size, 1)
     return JointFit(paths, cost, 2 * normal, float(2 * np.sum(np.abs(residual) ** 2) / freedom), residual)

@@ -29,8 +29,6 @@ Integers = NDArray[np.int64]
 
 CANCELLATION_RESIDUAL = 0.1
 """Amplitude that cancellation may leave of a path in the beams of its main lobe, relative to the path (-20 dB)."""
-CIRCLE_GAP = 1.5
-"""Azimuths close a circle if the gap between last and first is at most this many steps of the scan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +175,7 @@ class Scan:
             Whether paths are taken out of the beams; one that stays is seen by its sidelobes in all of them.
         """
         step = float(np.diff(self.azimuth).max()) if self.azimuth.size > 1 else 0.0
+        # The azimuths close a circle if the gap between last and first is a step of the scan, or hardly more.
         gap = self.azimuth[0] + 360 - self.azimuth[-1]
         copies = self.sounder.processing.artefact
         rate = self.filter_.sample_rate
@@ -191,7 +190,7 @@ class Scan:
             oversampling=OVERSAMPLING,
             azimuths=self.azimuth.size,
             elevations=self.elevation.size,
-            full_circle=bool(self.azimuth.size > 1 and gap <= CIRCLE_GAP * step),
+            full_circle=bool(self.azimuth.size > 1 and gap <= 1.5 * step),
             azimuth_reach=max(step, self.beamwidth[0] / 2),
             lowest=self.elevation.min() - 2 * self.beamwidth[1],
             highest=self.elevation.max() + 2 * self.beamwidth[1],

@@ -5,45 +5,37 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL
+from sounder.mpc.fit_parameters import AZIMUTH, AZIMUTH_GRID, DELAY, ELEVATION, LEVEL, REGULARISATION
 from sounder.mpc.scan import Scan
-from sounder.mpc.two_paths_fit import PARAMETERS, fit_paths, linearise
+from sounder.mpc.two_paths_fit import PARAMETERS, PHASES, fit_paths, linearise
 from sounder.mpc.two_paths_posterior import posterior
 from sounder.mpc.whitened_samples import MAX_OFFSET, BeamSamples
 
 Real = NDArray[np.float64]
 
-NEAR_BEAMS = 3.0
+AZIMUTH_SPAN = 2.5
+"""How far from the azimuth of one path two paths may be, and their fits start [beamwidth]; chosen, not derived."""
+NEAR_BEAMS = AZIMUTH_SPAN + 0.5
 """Beams of the first fits: how far from their middle azimuth [beamwidth]."""
-AZIMUTH_BOUND = 2.5
-"""How far from the middle azimuth a path may be [beamwidth]."""
-MIN_IMPROVEMENT = 20.0
+PAIR_IMPROVEMENT = 20.0
 """Least decrease of the squared residuals, in variances, from one path to two: five unknowns in a hundred numbers
 (Bayes' information criterion)."""
-MAX_EXCESS = 3.0
+PAIR_EXCESS = 3.0
 """Standard deviations by which the squared residuals of two paths may exceed those of noise."""
 MIN_SEPARATION = 0.6
 """Least distance of two paths [beamwidth]. Two paths at that distance make a lobe 12 % wider, more than horns differ
 from their descriptions."""
-START_SPAN = 2.5
-"""Directions that fits start from: how far from that of one path [beamwidth]; chosen, not derived."""
-START_STEP = 0.25
-"""Step between them [beamwidth]; chosen, not derived."""
 DISTANCE_STEP = 0.5
 """Pairs of starts are sorted by their distance in steps of this [beamwidth]; the best of each is followed."""
 DISTANCE_CLASSES = 3
 """Number of the last class of distances, which holds all larger ones."""
-PHASES = 6
-"""Phases between two paths that fits start from, in half a circle."""
 AMPLITUDE_RATIOS = np.array([0.5, 1.0, 2.0])
 """Ratios of the amplitudes of two paths that fits start from."""
 MIN_BEAM_POWER = 5.0
 """Power of a beam, in noise powers, from which its residuals are judged; chosen, not derived."""
-REGULARISATION = 1e-6
-"""Information added so that a matrix can be inverted."""
-NEAR_STEPS = 6
+MAX_NEAR_STEPS = 6
 """Steps of fits from all starts to the beams about them, at most."""
-ALL_STEPS = 10
+MAX_ALL_STEPS = 10
 """Steps of the best fit of each phase to all beams, at most."""
 
 
@@ -104,7 +96,7 @@ def poor_single_path(path: Real, middle: float, beams: BeamSamples, scan: Scan) 
     bounds[:, ELEVATION] += beyond
     starts = np.repeat(path[None, None], 3, axis=0)
     starts[1:, 0, ELEVATION] = scan.fan + beyond / 3
-    fits, cost, _ = fit_paths(starts, np.zeros(3), beams, scan, bounds, max_steps=ALL_STEPS)
+    fits, cost, _ = fit_paths(starts, np.zeros(3), beams, scan, bounds, max_steps=MAX_ALL_STEPS)
     best = int(np.argmin(cost))
     path = fits[best, 0]
     if _explains_magnitudes(path, beams, scan):
@@ -130,16 +122,16 @@ def find_two_paths(one: OnePath, middle: float, beams: BeamSamples, scan: Scan) 
     starts, phases = _starts(one.path, one.magnitude[near], near_beams, scan)
     if not starts.size:
         return None
-    paths, costs, _ = fit_paths(starts, phases, near_beams, scan, bounds, max_steps=NEAR_STEPS)
-    paths, costs = paths.reshape(PHASES, -1, 2, PARAMETERS), costs.reshape(PHASES, -1)
-    paths, phases = paths[np.arange(PHASES), np.argmin(costs, axis=1)], phases[:: costs.shape[1]]
+    paths, costs, _ = fit_paths(starts, phases, near_beams, scan, bounds, max_steps=MAX_NEAR_STEPS)
+    paths, costs = paths.reshape(PHASES.size, -1, 2, PARAMETERS), costs.reshape(PHASES.size, -1)
+    paths, phases = paths[np.arange(PHASES.size), np.argmin(costs, axis=1)], phases[:: costs.shape[1]]
     best = int(np.argmin(costs.min(axis=1)))
     if _consistent_misfit(paths[[best]], phases[[best]], near_beams, scan) is None:
         return None
-    paths, costs, information = fit_paths(paths, phases, beams, scan, bounds, max_steps=ALL_STEPS)
+    paths, costs, information = fit_paths(paths, phases, beams, scan, bounds, max_steps=MAX_ALL_STEPS)
     best = int(np.argmin(costs))
     misfit = _consistent_misfit(paths[[best]], phases[[best]], beams, scan)
-    if misfit is None or 2 * (one.cost - costs[best]) < MIN_IMPROVEMENT:
+    if misfit is None or 2 * (one.cost - costs[best]) < PAIR_IMPROVEMENT:
         return None
     two, covariance = posterior(*_gaussian_mixture(paths, costs, information), bounds, beams, scan)
     separation = np.hypot(*((two[0] - two[1])[:2] / scan.beamwidth))
@@ -154,7 +146,7 @@ def find_two_paths(one: OnePath, middle: float, beams: BeamSamples, scan: Scan) 
 
 def _bounds(middle: float, scan: Scan) -> Real:
     """Lower and upper bound (2, 4) of the parameters of a path: about an azimuth, and in the fan."""
-    reach = AZIMUTH_BOUND * scan.beamwidth[0]
+    reach = AZIMUTH_SPAN * scan.beamwidth[0]
     lower, upper = scan.fan
     return np.array([[middle - reach, lower, -60.0, -MAX_OFFSET], [middle + reach, upper, 60.0, MAX_OFFSET]])
 
@@ -190,7 +182,7 @@ def _consistent_misfit(paths: Real, phase: Real, beams: BeamSamples, scan: Scan)
     strong = np.sum(np.abs(beams.samples) ** 2, axis=1) - size > MIN_BEAM_POWER
     squares = 2 * np.sum(np.abs(residual[0, strong]) ** 2)
     freedom = max(int(strong.sum()) * (2 * size - 1) - 9, 1)
-    return float(squares / freedom) if squares < freedom + MAX_EXCESS * np.sqrt(2 * freedom) else None
+    return float(squares / freedom) if squares < freedom + PAIR_EXCESS * np.sqrt(2 * freedom) else None
 
 
 def _magnitudes(path: Real, beams: BeamSamples, scan: Scan) -> Real:
@@ -210,22 +202,23 @@ def _explains_magnitudes(path: Real, beams: BeamSamples, scan: Scan) -> bool:
     expected = np.exp(path[LEVEL]) * 10 ** (toward / 20)
     strong = energy * np.maximum(magnitude, expected) ** 2 > MIN_BEAM_POWER
     squares = 2 * np.sum((energy * (magnitude - expected) ** 2)[strong])
-    return not squares > MIN_IMPROVEMENT + max(int(strong.sum()) - 9, 0)
+    return not squares > PAIR_IMPROVEMENT + max(int(strong.sum()) - 9, 0)
 
 
 def _starts(path: Real, magnitude: Real, beams: BeamSamples, scan: Scan) -> tuple[Real, Real]:
     """Pairs of paths (start, 2, 4) whose magnitudes at the delay of one path fit best, and phases (start,)."""
     elevation = np.clip(path[ELEVATION], beams.directions[:, 1].min(), beams.directions[:, 1].max())
-    azimuth = path[AZIMUTH] + np.arange(-START_SPAN, START_SPAN + START_STEP / 2, START_STEP) * scan.beamwidth[0]
+    azimuth = (
+        path[AZIMUTH] + np.arange(-AZIMUTH_SPAN, AZIMUTH_SPAN + AZIMUTH_GRID / 2, AZIMUTH_GRID) * scan.beamwidth[0]
+    )
     g = 10 ** (scan.pattern.beam_gain(azimuth[:, None], elevation, *beams.directions.T) / 20) / np.sqrt(beams.noise)
     i, j = np.triu_indices(azimuth.size, 1)
-    far = (j - i) * START_STEP >= MIN_SEPARATION
+    far = (j - i) * AZIMUTH_GRID >= MIN_SEPARATION
     i, j = i[far], j[far]
     # The best of each distance: neighbours of the very best lead where it leads.
-    distance = np.minimum((j - i) * START_STEP / DISTANCE_STEP, DISTANCE_CLASSES).astype(int)
-    phases = (np.arange(PHASES) + 0.5) * np.pi / PHASES
+    distance = np.minimum((j - i) * AZIMUTH_GRID / DISTANCE_STEP, DISTANCE_CLASSES).astype(int)
     starts = []
-    for phase in phases:
+    for phase in PHASES:
         model = np.abs(g[i] + (AMPLITUDE_RATIOS * np.exp(1j * phase))[:, None, None] * g[j])  # (ratio, pair, beam)
         inner = model @ (magnitude / np.sqrt(beams.noise))
         amplitude = inner / np.sum(model**2, axis=-1)
@@ -241,4 +234,4 @@ def _starts(path: Real, magnitude: Real, beams: BeamSamples, scan: Scan) -> tupl
                     [azimuth[j[best]], elevation, level + np.log(AMPLITUDE_RATIOS[ratio[best]]), path[DELAY]],
                 ]
             )
-    return np.array(starts), np.repeat(phases, len(starts) // PHASES)
+    return np.array(starts), np.repeat(PHASES, len(starts) // PHASES.size)

@@ -25,7 +25,7 @@ Amos, "Computation of modified Bessel functions and their ratios", Mathematics o
 import numpy as np
 from numpy.typing import NDArray
 
-from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL
+from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL, Parameter
 from sounder.mpc.pattern_slopes import slopes
 from sounder.mpc.scan import Scan
 from sounder.mpc.whitened_samples import BeamSamples
@@ -33,13 +33,15 @@ from sounder.mpc.whitened_samples import BeamSamples
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-PARAMETERS = 4
-"""Parameters of a path; the phase between two paths is kept."""
+PARAMETERS = len(Parameter) - 1
+"""Parameters of a path: all but the phase."""
+PHASES = (np.arange(6) + 0.5) * np.pi / 6
+"""Phases between two paths for which fits are made and likelihoods averaged: half a circle in six steps."""
 LEVEL_SPREAD = np.log(2) / 2
 """Expected difference of the levels of two paths, as a standard deviation: 3 dB, as in most pairs whose sum does not
 look like the stronger path alone."""
-MIN_COST_DECREASE = 1e-3
-"""Decrease of the cost at which a fit ends."""
+PAIR_CONVERGENCE = 1e-3
+"""Decrease of the negative log-likelihood at which a fit ends; chosen, not derived."""
 
 
 def linearise(paths: Real, phase: Real, beams: BeamSamples, scan: Scan) -> tuple[Real, Complex, Complex, Complex]:
@@ -139,9 +141,9 @@ def fit_paths(
         paths[improved], cost[improved] = trial[better], trial_cost[better]
         normal[improved], gradient[improved] = trial_normal[better], trial_gradient[better]
         damping[active] *= np.where(better, 0.2, 8.0)
-        if better.any() and decrease.max() < MIN_COST_DECREASE:
+        if better.any() and decrease.max() < PAIR_CONVERGENCE:
             break
-        active = active[~better | (decrease >= MIN_COST_DECREASE)]
+        active = active[~better | (decrease >= PAIR_CONVERGENCE)]
     return paths, cost, 2 * normal
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from sounder.mpc.fit_parameters import AZIMUTH, DELAY, ELEVATION, LEVEL
 from sounder.mpc.scan import Scan
-from sounder.mpc.two_paths_fit import LEVEL_SPREAD, PARAMETERS
+from sounder.mpc.two_paths_fit import LEVEL_SPREAD, PARAMETERS, PHASES
 from sounder.mpc.whitened_samples import BeamSamples
 
 Real = NDArray[np.float64]
@@ -42,8 +42,6 @@ MAX_CONCENTRATION = 0.9
 """Upper limit of the sum of squared weights in the correction for few effective draws."""
 FIT_SHARE = 0.1
 """Share of the fits' covariance that is added to that of a round, so that no round collapses."""
-PHASES = 6
-"""Phases between the paths, in half a circle."""
 
 
 def posterior(
@@ -117,7 +115,7 @@ def _log_likelihood(drawn: Real, delay: Real, bounds: Real, beams: BeamSamples, 
     # In single precision the logarithm is good to 1e-3, and takes half the time.
     size = (np.exp(drawn[..., 2:]) * toward / np.sqrt(beams.noise)).astype(np.float32)
     first, second = size[:, 0], size[:, 1]
-    phase = np.exp(1j * (np.arange(PHASES) + 0.5) * np.pi / PHASES)
+    phase = np.exp(1j * PHASES)
     energy = np.sum(np.abs(pulse) ** 2, axis=1).astype(np.float32)
     overlap = 2 * (phase * np.vdot(pulse[0], pulse[1])).real.astype(np.float32)
     own = (energy[0] * first**2 + energy[1] * second**2)[..., None] + (first * second)[..., None] * overlap

@@ -17,9 +17,6 @@ from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
 from sounder.kernels.extraction.sidelobe_check import measure_sidelobes
 from sounder.kernels.extraction.workspace import Workspace
 
-MIN_REMOVED = 0.1
-"""A path is taken out of beams in which the pattern predicts it above this power [noise power]; chosen."""
-
 
 @part
 def update_path(cir: Cir, view: ScanView, work: Workspace, path: Path, removed: Cir, i: int, removes: bool) -> None:
@@ -69,7 +66,7 @@ def _fit(cir: Cir, view: ScanView, work: Workspace, path: Path) -> None:
 
 @part
 def _remove(cir: Cir, view: ScanView, work: Workspace, path: Path, removed: Cir, i: int) -> None:
-    """Take path ``i`` out of every beam in which it stands above `MIN_REMOVED`."""
+    """Take path ``i`` out of every beam in which the pattern predicts it above a tenth of the noise power."""
     first = set_filter(view, work, path.delay)
     first_of_pulse = sample(view.pulse, view.oversampling, path.delay, work.pulse)
     direction = toward(path.azimuth, path.elevation)
@@ -79,7 +76,7 @@ def _remove(cir: Cir, view: ScanView, work: Workspace, path: Path, removed: Cir,
         if math.isnan(noise):
             continue
         predicted = path.amplitude * pattern(view, b, direction)[0]
-        if predicted * predicted < MIN_REMOVED * noise and b != path.beam:
+        if predicted * predicted < 0.1 * noise and b != path.beam:
             continue
         amplitude = match(cir, b, first, work.matched)
         size = math.sqrt(power(amplitude))

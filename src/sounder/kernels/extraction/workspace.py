@@ -12,7 +12,8 @@ Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 TRIALS = 10
-"""Directions that an angle fit at the edge of the fan starts from."""
+"""Directions that an angle fit at the edge of the fan starts from: the beam's own, and three azimuths at each of three
+elevations beyond it."""
 
 
 class Workspace(NamedTuple):
