@@ -58,6 +58,7 @@ def test_shipped_files_are_found_in_the_installation(installed, elsewhere):
         assert path.is_relative_to(installed)
 
 
+@pytest.mark.slow
 def test_shipped_description_and_scene_are_read_from_the_installation(elsewhere):
     # reading follows the names inside: the scene's sounder, the sounder's antenna cut
     program = (
@@ -69,6 +70,7 @@ def test_shipped_description_and_scene_are_read_from_the_installation(elsewhere)
     assert [float(line) for line in elsewhere("-c", program).split()] == [132e9, 300e9]
 
 
+@pytest.mark.slow
 def test_the_letters_study_finds_the_twin_of_the_installation(elsewhere):
     program = (
         "from importlib.metadata import distribution\n"
@@ -91,6 +93,7 @@ def test_command_line_starts_from_the_installation(elsewhere, name):
     assert f"Usage: {name} " in elsewhere("-c", program)
 
 
+@pytest.mark.slow
 def test_geometry_is_imported_without_the_sounder(elsewhere):
     program = (
         "import pkgutil, sys\n"

@@ -30,6 +30,7 @@ MESHES = {".xml": "; meshes: map-*.ply"}
 
 
 @pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".csv", ".ply", ".obj", ".xml"])
+@pytest.mark.slow
 def test_a_map_goes_to_any_format(tmp_path, map_file, suffix):
     out = tmp_path / "out" / f"map{suffix}"
     result = export(map_file, "--out", out)
@@ -37,6 +38,7 @@ def test_a_map_goes_to_any_format(tmp_path, map_file, suffix):
     assert out.stat().st_size > 100
 
 
+@pytest.mark.slow
 def test_an_origin_puts_a_map_on_earth_and_stays_with_it(tmp_path, map_file):
     placed, wgs, back = (tmp_path / name for name in ("placed.h5", "wgs.geojson", "back.csv"))
     origin = ("--origin", 48.1, -11.5, "--origin-height", 520, "--heading", -30)
@@ -49,6 +51,7 @@ def test_an_origin_puts_a_map_on_earth_and_stays_with_it(tmp_path, map_file):
     np.testing.assert_allclose(place.reflectors["end_points"][:2], ENDS, rtol=0, atol=2e-6)  # 1e-11 degree, rounded
 
 
+@pytest.mark.slow
 def test_options_reach_the_drawing(tmp_path, map_file):
     for height, margin in ((12.0, 50.0), (30.0, 5.0)):
         assert export(map_file, "--out", tmp_path / "a.obj", "--height", height, "--margin", margin).exit_code == 0

@@ -17,6 +17,7 @@ from erm.mpcs.files import read_csv
 from .commands import run
 
 
+@pytest.mark.slow
 def test_positions_are_added_to_a_map_file(tmp_path: Path, mpcs: Path, capsys):
     header, *rows = mpcs.read_text().splitlines()
     for name, part in (("first", rows[:4]), ("second", rows[4:])):
@@ -32,6 +33,7 @@ def test_positions_are_added_to_a_map_file(tmp_path: Path, mpcs: Path, capsys):
     assert "is an input, which would be replaced" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys):
     out, rps, figure = tmp_path / "map.geojson", tmp_path / "rps.csv", tmp_path / "map.png"
     assert run("reconstruct", mpcs, "--out", out, "--rps", rps, "--figure", figure) == 0
@@ -75,6 +77,7 @@ def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
     }
 
 
+@pytest.mark.slow
 def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path, capsys):
     out, outline = tmp_path / "map.h5", tmp_path / "outline.geojson"
     write_map(Environment.walls([[[-60, -9.1], [60, -9.1]]]), outline)
@@ -95,6 +98,7 @@ def test_a_map_is_judged_with_and_without_its_points(tmp_path: Path, mpcs: Path,
     assert "1 wall, 0 false; 1 of 1 face of the outline found" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_map_is_drawn_over_the_outline_that_judges_it(tmp_path: Path, mpcs: Path, capsys):
     out, outline, figure = tmp_path / "map.h5", tmp_path / "outline.geojson", tmp_path / "map.svg"
     write_map(Environment.walls([[[-60, -9.1], [60, -9.1]]]), outline)

@@ -95,6 +95,7 @@ def test_an_instrument_that_cannot_be_imported_is_named_in_one_line(tmp_path: Pa
     assert not (tmp_path / "letter").exists()
 
 
+@pytest.mark.slow
 def test_a_bad_file_is_named_the_rest_is_done_and_the_exit_code_is_1(tmp_path: Path, mpcs: Path, capsys):
     with mpcs.open("a") as file:
         file.write("RX9,,-40,3,12,nan,0,1.5,132e9,3e-7,0,,-110\n")

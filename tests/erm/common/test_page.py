@@ -23,6 +23,7 @@ def test_a_figure_is_written_as_vector_and_as_picture_and_shown_with_its_caption
     assert plt.get_fignums() == open_before
 
 
+@pytest.mark.slow
 def test_the_same_figure_gives_the_same_bytes(tmp_path: Path):
     for name in ("one", "two"):
         axes = plt.subplots()[1]

@@ -124,6 +124,7 @@ def test_the_same_groups_are_the_same_bytes(tmp_path):
     assert (tmp_path / "a.h5").read_bytes() != (tmp_path / "b.h5").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_thread_that_looks_on_changes_no_byte(tmp_path):
     """dask's workers sample what their threads are doing, which keeps Python's objects alive a moment longer."""
     stop = threading.Event()

@@ -30,6 +30,7 @@ def street():
     return campaign(STREET, [np.array([east, 1.0, 1.5]) for east in np.linspace(15, 60, 10)])
 
 
+@pytest.mark.slow
 def test_positions_amid_others_are_predicted():
     predictions = leave_one_out(street(), max_order=1)
     assert len(predictions) == 10
@@ -41,6 +42,7 @@ def test_positions_amid_others_are_predicted():
     assert result["gain"] < 1.0
 
 
+@pytest.mark.slow
 def test_a_gain_that_was_measured_badly_is_told_from_one_that_is_predicted_badly():
     table = street()
     table["path_gain_std"][:] = 0.5
@@ -53,6 +55,7 @@ def test_a_gain_that_was_measured_badly_is_told_from_one_that_is_predicted_badly
     assert score(leave_one_out(table, max_order=1, strongest=1))["positions_compatible"] == result["positions_located"]
 
 
+@pytest.mark.slow
 def test_a_gain_that_only_the_elevation_was_wrong_of_counts_at_the_elevation_that_heights_imply():
     table = street()
     result = score(leave_one_out(table, max_order=1, strongest=2))
@@ -79,6 +82,7 @@ def test_a_wall_that_may_go_on_does_not_hide_what_was_seen_beside_it():
     assert [int(order.sum()) for order in orders] == [1, 2]
 
 
+@pytest.mark.slow
 def test_a_wall_hides_only_where_reflection_points_say_that_it_stands():
     # the near wall's last reflection point lies 19.9 m east, and its Fresnel zone reaches further; the path that is
     # left out passes 20.1 m east on its way back from the far wall

@@ -94,6 +94,7 @@ def test_a_width_is_marked_from_end_to_end_with_its_label():
     assert (label.get_text(), label.xy) == ("40 m", (10.0, 20.0))
 
 
+@pytest.mark.slow
 def test_names_hide_neither_antennas_nor_points():
     # receivers close about two poles, but for a gap of 120 degrees below one and above the other
     turn = np.radians(np.linspace(-30, 210, 30))

@@ -31,6 +31,7 @@ def test_an_empty_map_predicts_nothing(street):
     assert (found.power, found.false, found.level) == pytest.approx((0.0, 0.0, -10 * np.log10(MIN_POWER)))
 
 
+@pytest.mark.slow
 def test_more_positions_predict_more(street):
     # two positions cannot confirm a wall, nine see both sides of the street at all of their reflection points
     few, many = predict(as_table(street, rays_of(street)), street, beside(street), counts=(2, 9), replicates=2)

@@ -183,6 +183,7 @@ def test_a_scene_that_fails_leaves_the_old_one(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".xml", ".dxf"])
+@pytest.mark.slow
 def test_the_same_map_is_drawn_the_same(tmp_path, suffix):
     if suffix == ".dxf":
         pytest.importorskip("ezdxf", reason="the extra cad is not installed")

@@ -121,6 +121,7 @@ def test_without_an_origin_geojson_is_in_local_metres(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".h5", ".geojson", ".gpkg", ".csv"])
+@pytest.mark.slow
 def test_every_map_keeps_its_origin(tmp_path, suffix):
     for place in (Environment.walls(SQUARE, georeference=PLACE), Environment.empty(georeference=PLACE)):
         write_map(place, tmp_path / f"map{suffix}")

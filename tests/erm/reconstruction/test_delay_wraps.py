@@ -47,6 +47,7 @@ def offsets(environment):
     return np.abs(environment.reflectors["offset"].values)
 
 
+@pytest.mark.slow
 def test_a_far_wall_stands_where_it_is_though_its_delays_wrapped():
     environment, located = reconstruct(select(square()))
     assert np.abs(offsets(environment) - 80.0).min() < 0.01

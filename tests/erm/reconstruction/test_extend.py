@@ -41,6 +41,7 @@ def campaign():
     return parts
 
 
+@pytest.mark.slow
 def test_positions_added_to_a_map_give_the_map_of_all(campaign):
     before = xr.concat(campaign[:20], dim="mpc")
     _, earlier = reconstruct(select(before))
@@ -58,6 +59,7 @@ def test_positions_added_to_a_map_give_the_map_of_all(campaign):
     np.testing.assert_array_equal(located["wall"], expected["wall"])
 
 
+@pytest.mark.slow
 def test_walls_that_an_added_position_does_not_see_stay(campaign):
     before = xr.concat(campaign[:20], dim="mpc")
     expected, earlier = reconstruct(select(before))
@@ -68,6 +70,7 @@ def test_walls_that_an_added_position_does_not_see_stay(campaign):
     np.testing.assert_allclose(grown.reflectors["end_points"], expected.reflectors["end_points"], atol=0.01)
 
 
+@pytest.mark.slow
 def test_a_map_file_remembers_what_it_was_made_from(campaign, tmp_path):
     before = xr.concat(campaign[:8], dim="mpc")
     environment, located = reconstruct(select(before))

@@ -82,6 +82,7 @@ def numbers(environment, frame=None):
 
 @random_places
 @given(st.integers(0, 10**6))
+@pytest.mark.slow
 def test_the_frame_of_a_place_is_that_of_its_map(seed):
     table, frame = place(seed), frames(seed)
     here, merged = reconstruct(select(table))
@@ -93,6 +94,7 @@ def test_the_frame_of_a_place_is_that_of_its_map(seed):
 
 @random_places
 @given(st.integers(0, 10**6))
+@pytest.mark.slow
 def test_the_order_of_components_and_positions_does_not_matter(seed):
     table = place(seed)
     rng = np.random.default_rng([seed, 3])
@@ -108,6 +110,7 @@ def test_the_order_of_components_and_positions_does_not_matter(seed):
 
 @random_places
 @given(st.integers(0, 10**6))
+@pytest.mark.slow
 def test_a_campaign_that_was_copied_says_no_more_than_once(seed):
     table = place(seed)
     table["delay_std"][:], table["azimuth_std"][:] = DELAY_STD, AZIMUTH_STD
@@ -125,6 +128,7 @@ def test_a_campaign_that_was_copied_says_no_more_than_once(seed):
 
 @random_places
 @given(st.integers(0, 10**6), st.floats(0, 180))
+@pytest.mark.slow
 def test_receivers_on_any_line_give_walls_within_their_errors(seed, bearing):
     rng = np.random.default_rng(seed)
     tx = np.array([*rng.uniform(-10, 10, 2), 8.0])

@@ -43,6 +43,7 @@ def ideal_mpcs(folder: Path, name: str, seed: int = 0):
 
 
 @pytest.mark.parametrize("name", ["lroom", "canyon", "city"])
+@pytest.mark.slow
 def test_walls_of_an_independent_ray_tracer_are_found(shared_data: Path, name):
     table, single, bounce = ideal_mpcs(shared_data, name)
     outline = read_outline(shared_data / "raytraced" / f"{name}_outline.geojson")
@@ -59,6 +60,7 @@ def test_walls_of_an_independent_ray_tracer_are_found(shared_data: Path, name):
 
 
 @pytest.mark.parametrize("name", ["lroom", "canyon", "city"])
+@pytest.mark.slow
 def test_all_specular_paths_with_noise_give_walls_to_centimetres(shared_data: Path, name):
     """Every path to the third order, no truth flag used, delays to 0.1 ns and angles to 0.5 degrees."""
     outline = read_outline(shared_data / "raytraced" / f"{name}_outline.geojson")

@@ -31,6 +31,7 @@ def test_exact_paths_give_exact_walls(txs):
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
 def test_turning_and_shifting_the_scene_turns_and_shifts_the_map(seed):
     rng = np.random.default_rng(seed)
     angle, shift = rng.uniform(0, 360), rng.uniform(-500, 500, 2)
@@ -52,6 +53,7 @@ def test_turning_and_shifting_the_scene_turns_and_shifts_the_map(seed):
 
 
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.slow
 def test_a_mirrored_scene_gives_the_mirrored_map(seed):
     table = scene(delay_std=1e-10, azimuth_std=0.5, seed=seed)
     mirrored_table = table.copy(deep=True)
@@ -98,6 +100,7 @@ def test_errors_that_a_table_does_not_state_are_found():
     assert merged.attrs["azimuth_std"] == pytest.approx(1.0, rel=0.3)
 
 
+@pytest.mark.slow
 def test_clocks_that_are_off_by_more_than_the_table_knows_lose_few_paths():
     # 12 ps are 4 mm, 5 of the standard errors that the table knows of, and shift all paths of a recording alike
     lost = 0

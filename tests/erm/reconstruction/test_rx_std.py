@@ -34,6 +34,7 @@ def campaign(rng):
     )
 
 
+@pytest.mark.slow
 def test_covariances_hold_for_receivers_that_stand_elsewhere():
     rng = np.random.default_rng(11)
     white = []

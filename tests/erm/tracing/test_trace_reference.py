@@ -94,6 +94,7 @@ def turned(ours: xr.DataArray, theirs: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("scene", [lroom, canyon])
+@pytest.mark.slow
 def test_an_independent_ray_tracer_finds_the_same_paths(shared_data, scene):
     with h5py.File(shared_data / "raytraced" / f"{scene.__name__}_specular.h5") as file:
         place, tx, f = scene(file), file["tx_position"][:], float(file.attrs["frequency_hz"])

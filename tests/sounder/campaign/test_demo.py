@@ -23,6 +23,7 @@ def part(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_captures_become_a_map(part, tmp_path, capsys):
     score = run_demo(tmp_path, scene=part)
     assert score.keys() >= {"walls", "false", "found", "missed", "accepted", "rmse", "planar_rmse"}

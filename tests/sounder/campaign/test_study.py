@@ -54,12 +54,14 @@ def test_a_change_that_makes_no_instrument_is_refused(uma):
         study.changed(uma.instrument, Change(bandwidth=0.1e9))
 
 
+@pytest.mark.slow
 def test_the_same_seed_measures_the_same(uma):
     first, second = (study.measure(uma.at(uma.links[:1])) for _ in range(2))
     assert first.mpcs.identical(second.mpcs)
     assert first.daps["RX1_L"].identical(second.daps["RX1_L"])
 
 
+@pytest.mark.slow
 def test_merged_walls_keep_the_bars_on_a_part_of_each_route(uma):
     # every route's bar is 0.05 m, and 20 times better than the planar method on the same captures
     kept = [name for positions in TABLE_2.values() for name in list(positions)[:5]]
@@ -72,6 +74,7 @@ def test_merged_walls_keep_the_bars_on_a_part_of_each_route(uma):
         assert times >= 20
 
 
+@pytest.mark.slow
 def test_the_room_keeps_its_bars_on_every_other_position():
     # mean 0.005 m and RMSE 0.010 m of the full distance to the rays' points
     campaign = study.campaign("lroom")

@@ -30,6 +30,7 @@ def one_path(bench, delay, gain=1.0):
     delay=st.one_of(st.floats(0, PERIOD), st.floats(PERIOD - 5e-9, PERIOD + 5e-9)),
     offset=st.complex_numbers(max_magnitude=0.2),
 )
+@pytest.mark.slow
 def test_a_path_is_a_pulse_and_nothing_else(bench_maker, seed, delay, offset):
     bench = bench_maker(seed=seed, offset=offset)
     cir = bench.cir(one_path(bench, delay), offset=3 * offset)
@@ -51,6 +52,7 @@ def test_pulse_is_what_a_path_makes_and_peaks_at_its_amplitude(bench_maker):
         assert np.argmax(np.abs(bench.filter_.pulse)) == 0
 
 
+@pytest.mark.slow
 def test_random_channels_through_random_instruments_come_back(bench_maker):
     """Amplitude, phase and delay of up to five paths, each a resolution cell or more from the others."""
     rng = np.random.default_rng(7)

@@ -69,6 +69,7 @@ def responses(bench, captures, averaging="coherent", **changes):
 
 
 @pytest.mark.parametrize("polarity", [1, -1])
+@pytest.mark.slow
 def test_ideal_template_gives_1022_510_and_minus_2(small, polarity):
     correlator = MSequenceCorrelator(chips(small.waveform), 2)
     capture = (polarity * as_int16(held_template(small.waveform) + 0j))[None]
@@ -88,6 +89,7 @@ def test_delayed_template_peaks_at_its_delay(small):
     assert np.array_equal(np.argmax(got, axis=1), delays)
 
 
+@pytest.mark.slow
 def test_int16_and_complex_captures_of_the_same_numbers_are_the_same(small_bench):
     captures = as_int16(sent(small_bench))[None, None, None]
     integers, _ = responses(small_bench, captures)

@@ -42,6 +42,7 @@ def spoil(path: Path, what: str) -> None:
         ("damaged", "the file has no iq"),
     ],
 )
+@pytest.mark.slow
 def test_a_bad_recording_is_named_and_the_rest_processed(copied, what, told, capsys):
     spoil(copied / "RX1.h5", what)
     out = copied / "out"
@@ -80,6 +81,7 @@ def test_what_is_not_hdf5_is_told_without_advice_that_was_followed(copied, joine
     assert capsys.readouterr().err == f"{text}: not an HDF5 file; expected a back-to-back recording\n"
 
 
+@pytest.mark.slow
 def test_directions_of_zeros_or_clipped_samples_are_summed_up(copied, capsys):
     with h5py.File(copied / "RX1.h5", "r+") as file:
         file["iq"][2, 0] = 0
@@ -132,6 +134,7 @@ def test_a_gain_over_free_space_tells_that_a_position_is_wrong(copied, end, east
     assert names(out) == ["RX1.h5", "RX2.h5"]
 
 
+@pytest.mark.slow
 def test_missing_directions_are_processed_and_noted(copied, capsys):
     with h5py.File(copied / "RX1.h5", "r+") as file:
         file["valid"][4:6] = 0

@@ -2,11 +2,13 @@
 
 import h5py
 import numpy as np
+import pytest
 import xarray as xr
 
 from .commands import group, names, run
 
 
+@pytest.mark.slow
 def test_convert_makes_native_recordings_of_a_foreign_file(campaign, products, joined, tmp_path):
     layout = ("--layout", joined.with_name("layout.toml"), "--sounder", campaign / "sounder.toml")
     assert run("convert", joined, *layout, "--out", tmp_path / "native") == 0

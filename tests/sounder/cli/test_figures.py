@@ -6,6 +6,7 @@ from .commands import names, run
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg"])
+@pytest.mark.slow
 def test_figures_of_every_product_and_of_two_together(products, tmp_path, suffix):
     both = products / "RX1.h5", products / "RX2.h5"
     assert run("figures", *both, "--overlay", "--out", tmp_path, "--format", suffix) == 0
@@ -15,6 +16,7 @@ def test_figures_of_every_product_and_of_two_together(products, tmp_path, suffix
     assert all(path.stat().st_size > 5000 for path in tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_figures_name_what_is_no_product_and_draw_the_rest(campaign, products, tmp_path, capsys):
     assert run("figures", campaign / "raw" / "RX1.h5", products / "RX1.h5", "--out", tmp_path) == 1
     error = capsys.readouterr().err

@@ -29,6 +29,7 @@ def test_info_tells_of_a_recording(campaign, capsys):
     assert direct - 6 < highest < direct + 1
 
 
+@pytest.mark.slow
 def test_info_tells_of_back_to_back_and_product(campaign, products, capsys):
     assert run("info", campaign / "back-to-back.h5") == 0
     told = facts(capsys)

@@ -37,6 +37,7 @@ def test_the_direct_path_is_found_where_it_is(campaign, products):
         assert mpc["path_gain"].item() == pytest.approx(gain, abs=1.0)
 
 
+@pytest.mark.slow
 def test_a_product_is_as_its_schema_says(campaign, products):
     path = products / "RX1.h5"
     root, daps, mpc, cir = (group(path, name) for name in ("/", "/daps", "/mpc", "/cir"))
@@ -77,6 +78,7 @@ def test_a_product_is_as_its_schema_says(campaign, products):
     assert daps["daps"].values == pytest.approx(20 * np.log10(np.abs(cir["cir"].values)), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_same_command_gives_the_same_bytes_and_leaves_its_inputs(campaign, products, tmp_path):
     before = digest(campaign / "raw")
     raw = campaign / "raw"
@@ -106,6 +108,7 @@ def test_options_are_stored(campaign, tmp_path, averaging):
         assert "cir" not in file
 
 
+@pytest.mark.slow
 def test_a_foreign_file_gives_the_same_mpcs(products, joined, tmp_path, capsys):
     layout = ("--layout", joined.with_name("layout.toml"), "--sounder", products.parent / "sounder.toml")
     assert run("process", joined, *layout, "--out", tmp_path / "out") == 0
@@ -117,6 +120,7 @@ def test_a_foreign_file_gives_the_same_mpcs(products, joined, tmp_path, capsys):
         xr.testing.assert_identical(ours, theirs)
 
 
+@pytest.mark.slow
 def test_in_a_pipe_there_is_the_result_alone(copied):
     command = ["process", copied / "RX1.h5", "--calibration", copied / "back-to-back.h5", "--out", copied / "out"]
     done = subprocess.run(
@@ -144,6 +148,7 @@ assert seen > 2, seen
 """
 
 
+@pytest.mark.slow
 def test_a_run_has_no_kernel_compiled_twice(campaign, tmp_path):
     """Files are mapped read-only and a back-to-back is read into memory; the kernels must not see the difference."""
     arguments = ("process", campaign / "raw" / "RX1.h5", "--calibration", campaign / "back-to-back.h5")
@@ -163,6 +168,7 @@ finally:
 """
 
 
+@pytest.mark.slow
 def test_nothing_is_imported_that_no_product_needs(campaign, tmp_path):
     arguments = ("process", campaign / "raw" / "RX1.h5", "--calibration", campaign / "back-to-back.h5")
     command = [sys.executable, "-W", "error", "-c", IMPORTS, *map(str, arguments), "--out", str(tmp_path)]

@@ -65,6 +65,7 @@ def stamps(folder: Path) -> dict[str, tuple[int, bytes]]:
     return {path.name: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_one_command_makes_products_table_map_figures_and_report(made):
     out = made / "street"
     assert names(out) == sorted([*FILES, "figures", "products"])
@@ -80,6 +81,7 @@ def test_one_command_makes_products_table_map_figures_and_report(made):
     assert inputs == {name.removeprefix("products/"): sha for name, sha in digest(out).items() if "products" in name}
 
 
+@pytest.mark.slow
 def test_the_report_tells_of_every_position_wall_and_error(made):
     out = made / "street"
     text = (out / "report.md").read_text(encoding="utf-8")
@@ -112,6 +114,7 @@ def test_the_report_tells_of_every_position_wall_and_error(made):
     assert f"| walls on the map | {len(rows)} |\n| false walls, where the outline has no face | 0 |" in text
 
 
+@pytest.mark.slow
 def test_what_is_there_is_not_made_again(made, capsys):
     out = made / "street"
     before = {folder: stamps(out / folder) for folder in ("products", "figures")}
@@ -137,6 +140,7 @@ def test_a_figure_that_is_not_younger_than_its_product_is_drawn_again(made, tmp_
     assert not is_up_to_date(figures, product)
 
 
+@pytest.mark.slow
 def test_products_of_sounder_process_are_gone_on_from(written, copied, capsys):
     arguments = ("process", copied / "RX1.h5", "--calibration", copied / "back-to-back.h5")
     assert run(*arguments, "--out", copied / "elsewhere" / "products") == 0
@@ -146,6 +150,7 @@ def test_products_of_sounder_process_are_gone_on_from(written, copied, capsys):
     assert before.items() <= stamps(copied / "elsewhere" / "products").items()
 
 
+@pytest.mark.slow
 def test_an_option_that_changed_makes_products_anew(written, copied, capsys):
     products = copied / "street" / "products"
 
@@ -161,6 +166,7 @@ def test_an_option_that_changed_makes_products_anew(written, copied, capsys):
     assert json.loads(open_group(products / "RX1.h5").attrs["processing_options"])["method"] == "peaks"
 
 
+@pytest.mark.slow
 def test_a_layout_or_description_that_changed_makes_products_anew(campaign, joined, tmp_path):
     files = {"layout": tmp_path / "layout.toml", "sounder": tmp_path / "sounder.toml"}
     shutil.copy(campaign / "sounder.toml", tmp_path)
@@ -172,6 +178,7 @@ def test_a_layout_or_description_that_changed_makes_products_anew(campaign, join
         assert pipeline.process(jobs, tmp_path / "out", resume=True).already == expected
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on_to_the_same_bytes(made, copied, monkeypatch, capsys):
     shutil.copy(made / "street.toml", copied)
     (copied / "street").mkdir()
@@ -197,6 +204,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(made, copied, monkeypatch,
     assert digest(copied / "street") == digest(made / "street")
 
 
+@pytest.mark.slow
 def test_a_position_that_fails_is_named_and_the_rest_is_done(written, copied, capsys):
     (copied / "RX0.h5").write_text("not HDF5")
     with h5py.File(copied / "RX2.h5", "r+") as file:
@@ -221,6 +229,7 @@ def test_a_position_that_fails_is_named_and_the_rest_is_done(written, copied, ca
     assert facts(capsys)["failure"] == zero.removeprefix(f"{copied / 'RX2.h5'}: RX2: ")
 
 
+@pytest.mark.slow
 def test_products_that_are_not_of_the_campaign_are_left_and_not_used(written, copied, capsys):
     assert run("run", written()) == 0
     before = stamps(copied / "street" / "products")
@@ -269,6 +278,7 @@ def test_outputs_never_replace_inputs(written, copied, capsys):
     assert digest(copied) == before
 
 
+@pytest.mark.slow
 def test_formats_of_map_and_figures_and_the_place_on_earth(written, copied, capsys):
     place = 'min_support = 2\norigin = [48.1, 11.5, 520.0]\nheading = 30.0\nformats = ["geojson", "csv"]'
     figures = 'positions = ["RX9"]\nformat = "pdf"'
@@ -286,6 +296,7 @@ def test_formats_of_map_and_figures_and_the_place_on_earth(written, copied, caps
     assert "| origin | 48.1, 11.5, 520 m; heading 30 degrees |" in text
 
 
+@pytest.mark.slow
 def test_a_campaign_of_noise_gives_an_empty_map(written, copied, capsys):
     rng = np.random.default_rng(7)
     for name in ("RX1", "RX2"):

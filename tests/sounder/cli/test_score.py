@@ -24,6 +24,7 @@ def summary(capsys, *args):
     return code, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_simulated_paths_are_found(campaign, processed, capsys):
     code, found = summary(capsys, *processed, "--truth", campaign / "truth" / "paths.h5")
     assert code == 0
@@ -36,6 +37,7 @@ def test_simulated_paths_are_found(campaign, processed, capsys):
     assert found["gates"]["elevation"] is None
 
 
+@pytest.mark.slow
 def test_truth_as_a_table_or_a_product_says_the_same(campaign, processed, capsys, tmp_path):
     truth = open_group(campaign / "truth" / "paths.h5")
     ends = {"tx_position": [4, 5, 3], "rx_position": [12, 3, 1.5], "frequency": 60e9}
@@ -51,6 +53,7 @@ def test_truth_as_a_table_or_a_product_says_the_same(campaign, processed, capsys
     assert itself["errors"]["delay"]["rmse"] == 0.0
 
 
+@pytest.mark.slow
 def test_mpcs_of_others_are_scored_too(campaign, processed, capsys, tmp_path):
     write_mpcs(read_product(processed[0])[0], tmp_path / "theirs.csv")
     code, found = summary(capsys, tmp_path / "theirs.csv", "--truth", campaign / "truth" / "paths.h5")
@@ -58,6 +61,7 @@ def test_mpcs_of_others_are_scored_too(campaign, processed, capsys, tmp_path):
     assert found["paths"] == 5
 
 
+@pytest.mark.slow
 def test_table_and_figures(campaign, processed, capsys, tmp_path):
     truth = campaign / "truth" / "paths.h5"
     assert run("score", *processed, "--truth", truth, "--out", tmp_path / "score") == 0
@@ -72,6 +76,7 @@ def test_table_and_figures(campaign, processed, capsys, tmp_path):
             assert picture.size[0] > 1000
 
 
+@pytest.mark.slow
 def test_what_cannot_be_scored_is_named_and_the_rest_is(campaign, processed, capsys, tmp_path):
     truth = campaign / "truth" / "paths.h5"
     other = tmp_path / "other.csv"
@@ -90,6 +95,7 @@ def test_what_cannot_be_scored_is_named_and_the_rest_is(campaign, processed, cap
 @pytest.mark.parametrize(
     "wrong", [("--delay-gate", "nan"), ("--azimuth-gate", "-1"), ("--gain-gate", "0"), ("--dynamic-range", "nan")]
 )
+@pytest.mark.slow
 def test_gates_that_let_nothing_through_are_wrong_usage(campaign, processed, capsys, wrong):
     assert run("score", processed[0], "--truth", campaign / "truth" / "paths.h5", *wrong) == 2
     (line,) = capsys.readouterr().err.splitlines()

@@ -47,6 +47,7 @@ def test_help_says_what_each_command_is_for_in_a_line(monkeypatch, capsys):
     assert "..." not in told.partition("Commands:")[2]
 
 
+@pytest.mark.slow
 def test_help_imports_nothing_heavy():
     program = (
         "import sys\n"

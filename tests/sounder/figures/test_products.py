@@ -76,6 +76,7 @@ def test_cartesian_has_units_and_all_mpcs():
     assert axes.get_xlim() == pytest.approx((0, 330), abs=1)
 
 
+@pytest.mark.slow
 def test_a_legend_hides_nothing():
     figure = plt.figure(layout="constrained")
     axes = products.daps_cartesian(product(), figure.add_subplot(), mpc=table([60]))
@@ -138,6 +139,7 @@ def test_a_gap_of_the_scan_stays_empty(polar):
 
 
 @pytest.mark.parametrize("azimuth", [None, [40.0], [-170.0, -50.0, 80.0]])
+@pytest.mark.slow
 def test_missing_directions_noise_alone_and_odd_scans_can_be_drawn(polar, azimuth):
     daps = product((), azimuth=azimuth)
     daps["daps"][0] = np.nan
@@ -158,6 +160,7 @@ def test_pdp_has_units_and_a_line_each():
     assert peak.get_xdata()[np.argmax(peak.get_ydata())] == pytest.approx(150, abs=STEP * 1e9)
 
 
+@pytest.mark.slow
 def test_text_is_readable_in_a_column(tmp_path, monkeypatch):
     # A column is 3.5 inches wide; text of 6 points there is what IEEE asks for at least.
     from sounder.figures import files

@@ -113,6 +113,7 @@ def test_direction_and_polarity_are_what_they_say():
 
 
 @pytest.mark.parametrize("polarity", ["positive", "negative"])
+@pytest.mark.slow
 def test_each_of_the_48_sequences_of_order_9_is_told_through_an_instrument(polarity):
     # echoes and a tilt as a bad cable makes them, 10 dB of signal over noise a sample, any delay
     rng = np.random.default_rng(9)
@@ -139,6 +140,7 @@ def test_each_of_the_48_sequences_of_order_9_is_told_through_an_instrument(polar
 
 
 @pytest.mark.parametrize(("order", "per_chip"), [(7, 4), (8, 1), (10, 3), (11, 2), (13, 1)])
+@pytest.mark.slow
 def test_other_orders_and_rates_are_told(order, per_chip):
     described = waveform(order, per_chip=per_chip, direction="reversed")
     found = identify(np.roll(band_limited_template(described), 1234 % described.samples))

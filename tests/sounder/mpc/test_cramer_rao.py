@@ -69,6 +69,7 @@ def test_azimuth_of_a_gaussian_lobe():
 
 
 @pytest.mark.parametrize(("snr", "degrees"), [(20, 0.5), (30, 0.16)])
+@pytest.mark.slow
 def test_azimuth_to_a_tenth_of_the_beam(snr, degrees):
     """A 10 degree horn every 10 degrees, over the directions between two beams: 0.5 degree at 20 dB, 0.16 at 30."""
     azimuth = np.linspace(0, 5, 11)
@@ -217,6 +218,7 @@ def most_likely(data, truth, phase, *, shared):
     ("late", "aside", "shared"),
     [(None, None, False), (1.67e-9, 0.0, False), (0.8e-9, 8.0, False), (0.0, 15.0, True)],
 )
+@pytest.mark.slow
 def test_maximum_likelihood_reaches_the_bound(late, aside, shared):
     """One path, two a chip apart in one beam, two in neighbouring beams: the errors' deviation is the bound.
 

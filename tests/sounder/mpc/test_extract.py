@@ -15,6 +15,7 @@ PERIOD = 1022 / 1.2e9
 HORN = 24.5
 
 
+@pytest.mark.slow
 def test_a_noiseless_path_is_found_where_it_is(bench):
     # The pulse is tabulated every 1/64 sample and linear between: wrong by (2 pi 0.13 / 64)^2 / 8 = 2e-5 of its peak,
     # which moves a maximum of curvature (2 pi 0.13)^2 by less than 2e-5 * 64 / 0.67 = 2e-3 sample, 1.6 ps. Captures in
@@ -37,6 +38,7 @@ def test_azimuth_is_a_circle(bench, azimuth):
     assert 0 <= table["azimuth"][0] < 360
 
 
+@pytest.mark.slow
 def test_turning_the_scan_turns_the_paths(bench):
     paths = [(-100.0, 200e-9, 13.0, 2.0), (-107.0, 223e-9, 121.0, -6.0), (-111.0, 300e-9, 352.0, 8.0)]
     cir = bench.scan(paths, noise=-125.0, seed=3)
@@ -57,6 +59,7 @@ def test_the_cir_is_left_as_it_was(bench):
     assert np.array_equal(cir["cir"].values, before)
 
 
+@pytest.mark.slow
 def test_two_paths_a_resolution_cell_apart_are_two(bench):
     """Null to null the pulse is 4 / B = 3.7 ns wide, the beam 24 degree: beyond half of either, paths separate."""
     rng = np.random.default_rng(4)
@@ -73,6 +76,7 @@ def test_two_paths_a_resolution_cell_apart_are_two(bench):
             assert abs(turn(row["azimuth"], path[2])) < 0.5
 
 
+@pytest.mark.slow
 def test_same_delay_from_two_directions_are_two(bench):
     """A weaker path at the very delay of a stronger stands out when it beats the horn's sidelobes by 6 dB."""
     for weaker, seed in ((-5.0, 1), (-10.0, 2), (-14.0, 3)):
@@ -87,6 +91,7 @@ def test_same_delay_from_two_directions_are_two(bench):
         np.testing.assert_allclose(table["azimuth"], [40.0, 171.0], atol=share / 0.2)
 
 
+@pytest.mark.slow
 def test_sidelobes_make_no_paths(bench):
     """A path 60 dB over the noise is seen by all beams, 22 dB and more down; it is one path."""
     rng = np.random.default_rng(6)
@@ -97,6 +102,7 @@ def test_sidelobes_make_no_paths(bench):
         assert ghosts.sum() == 1, (seed, path, table["path_gain"].values)
 
 
+@pytest.mark.slow
 def test_a_horn_that_differs_from_its_pattern_makes_no_paths(bench, bench_maker, description):
     """Within 30 dB of a path, for a real pattern that is not the described one: beams 5 % wider, sidelobes 3 dB up."""
     horn = Pattern.of(bench.sounder.rx_antenna)
@@ -115,6 +121,7 @@ def test_a_horn_that_differs_from_its_pattern_makes_no_paths(bench, bench_maker,
 
 
 @pytest.mark.parametrize("horn", [{}, GAUSSIAN | {"sidelobe_floor": -40.0}])
+@pytest.mark.slow
 def test_an_instrument_that_changed_since_its_back_to_back_makes_no_paths(bench_maker, description, horn):
     """An echo of the instrument itself, 20 dB down and half a nanosecond late, widens the pulse; it is no path."""
     bench = bench_maker(description(rx_antenna=horn))
@@ -127,6 +134,7 @@ def test_an_instrument_that_changed_since_its_back_to_back_makes_no_paths(bench_
         assert (np.abs(table["delay"] - path[1]) < 5e-9).sum() == 1, (seed, path, table["path_gain"].values)
 
 
+@pytest.mark.slow
 def test_paths_outside_the_fan_are_not_given_a_wrong_direction(bench):
     """Far above the fan only sidelobes see a path: it is counted, and not listed with an angle nobody measured."""
     rng = np.random.default_rng(9)
@@ -137,6 +145,7 @@ def test_paths_outside_the_fan_are_not_given_a_wrong_direction(bench):
         assert not (wrong & (table["path_gain"] > -130)).any(), (seed, path, table.to_dataframe())
 
 
+@pytest.mark.slow
 def test_just_above_the_fan_the_azimuth_still_holds(bench):
     """Up to 8 degree over the uppermost beam the main lobe sees a path, 11 dB down at most."""
     rng = np.random.default_rng(10)
@@ -148,6 +157,7 @@ def test_just_above_the_fan_the_azimuth_still_holds(bench):
         assert abs(row["path_gain"] - path[0]) < 4 * row["path_gain_std"], (seed, path)
 
 
+@pytest.mark.slow
 def test_beyond_the_fan_the_errors_reach_to_the_truth(bench):
     """2 to 10 degree over the uppermost beam several elevations fit: the errors must cover all of them."""
     rng = np.random.default_rng(21)
@@ -158,6 +168,7 @@ def test_beyond_the_fan_the_errors_reach_to_the_truth(bench):
         assert abs(row["path_gain"] - path[0]) < 4 * row["path_gain_std"], (seed, path)
 
 
+@pytest.mark.slow
 def test_noise_alone_makes_almost_no_paths(bench):
     # exp(-10^1.2) of the samples exceed noise + 12 dB: 1.3e-7, of 20 * 108 * 1022 samples 0.29. Three or more would
     # come once in 300 such experiments.
@@ -178,6 +189,7 @@ def test_no_paths_make_an_empty_table(bench):
         ]
 
 
+@pytest.mark.slow
 def test_delay_is_unwrapped_from_the_known_distance(bench):
     """No path is shorter than the direct one, 300 m here; the period is 255 m."""
     direct = 300.0 / 299792458
@@ -224,6 +236,7 @@ def cramer_rao(bench, path, noise):
 
 
 @pytest.mark.parametrize("snr", [22.0, 35.0])
+@pytest.mark.slow
 def test_errors_are_what_the_standard_deviations_say(bench_maker, snr):
     """Normalised errors have deviation 1, and are near the Cramer-Rao bound.
 
@@ -262,6 +275,7 @@ def test_nyu_threshold_is_25_db_under_the_strongest(bench):
     assert near(mpcs(bench, paths, noise=-140.0), paths[2]).sizes["mpc"] == 1
 
 
+@pytest.mark.slow
 def test_a_full_table_says_so(bench):
     """5 dB over the noise is exceeded by 4 % of 110 000 samples: more than a table holds."""
     table = mpcs(bench, [], noise=-150.0, threshold="nyu")

@@ -14,6 +14,7 @@ def turn(a, b):
 
 
 @pytest.mark.parametrize(("step", "draws"), [(10.0, 14), (2.5, 4)])
+@pytest.mark.slow
 def test_a_path_far_above_the_fan_is_one_mpc_with_its_gain(bench_maker, description, step, draws):
     """From 19.5 degree up, 20 dB and more under boresight, its neighbours fit a path in the fan as well, 20 dB weaker.
 
@@ -34,6 +35,7 @@ def test_a_path_far_above_the_fan_is_one_mpc_with_its_gain(bench_maker, descript
         assert abs(row["path_gain"] - path[0]) < max(4 * row["path_gain_std"], 4), (seed, path)
 
 
+@pytest.mark.slow
 def test_errors_inside_the_fan_do_not_reach_to_what_is_unlikely(bench):
     """Of paths 20 dB over the noise toward the edge of the fan, 68 % should be within one deviation, 95 % within two.
 

@@ -8,6 +8,7 @@ from sounder.instrument.antenna_description import Antenna
 from .extraction import GAUSSIAN, mpcs, strong, turn
 
 
+@pytest.mark.slow
 def test_gaussian_horn(bench_maker, description):
     bench = bench_maker(description(rx_antenna=GAUSSIAN), seed=2)
     rng = np.random.default_rng(11)
@@ -54,6 +55,7 @@ def test_relative_gain_of_an_antenna_is_removed(description, bench_maker):
     assert table["path_gain"][0] == pytest.approx(-90.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_sector_is_no_circle(bench_maker, description):
     """The ends of 20..160 degree are not neighbours; 3 degree beyond them the main lobe still sees."""
     bench = bench_maker(description(scan={"azimuth": tuple(np.arange(20.0, 161.0, 10.0))}))
@@ -77,6 +79,7 @@ def test_missing_directions_are_no_data(bench):
 
 
 @pytest.mark.parametrize(("order", "polynomial", "per_chip"), [(7, (7, 1, 0), 1), (10, (10, 3, 0), 3)])
+@pytest.mark.slow
 def test_other_sequences_and_rates(bench_maker, description, order, polynomial, per_chip):
     waveform = {"order": order, "polynomial": polynomial, "samples_per_chip": per_chip, "sample_rate": 600e6 * per_chip}
     bench = bench_maker(description(waveform=waveform, processing={"bandwidth": None}), seed=3)

@@ -41,6 +41,7 @@ def draws(bench, late, fainter, count, *, shared, seed):
     return np.array(errors), np.array(normalised), found
 
 
+@pytest.mark.slow
 def test_overlapping_paths_are_told_apart_with_honest_errors(bench):
     """A nanosecond apart in one beam, 0.6 chips, 30 and 24 dB over the noise, with one phase between them.
 
@@ -53,6 +54,7 @@ def test_overlapping_paths_are_told_apart_with_honest_errors(bench):
     assert np.mean(np.square(normalised), axis=(0, 1)) == pytest.approx(1, abs=1.2)
 
 
+@pytest.mark.slow
 def test_paths_with_phases_of_their_own_stay_two(bench):
     """A chip apart, equal; no third path is made of what one phase between them does not explain."""
     errors, _, found = draws(bench, 1 / 600e6, 0.0, 16, shared=False, seed=5)

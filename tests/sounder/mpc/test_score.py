@@ -31,6 +31,7 @@ def test_truth_scores_itself():
 
 @settings(max_examples=50, deadline=None)
 @given(st.permutations(range(4)), st.permutations(range(4)), st.floats(0, 360))
+@pytest.mark.slow
 def test_neither_order_nor_north_matters(theirs, ours, north):
     rng = np.random.default_rng(2)
     truth = np.array(TRUTH, float) + np.array([0, north, 0, 0])
@@ -129,6 +130,7 @@ def test_nothing_found_and_nothing_there():
     assert empty.summary()["errors"]["delay"]["count"] == 0
 
 
+@pytest.mark.slow
 def test_errors_and_their_honesty():
     """Normal errors with the deviation that is told: 68 % within one, 95 % within two, and the RMS is the deviation."""
     rng = np.random.default_rng(11)

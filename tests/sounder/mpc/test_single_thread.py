@@ -22,6 +22,7 @@ def two():
         yield
 
 
+@pytest.mark.slow
 def test_a_crowded_position_gives_the_same_bits(bench, two):
     # eight paths within four chips and three beams are fitted together, in products large enough to be shared
     rng = np.random.default_rng(3)

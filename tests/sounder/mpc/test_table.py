@@ -48,6 +48,7 @@ def test_snr_is_that_of_the_best_beam(bench):
         assert row == pytest.approx(expected, abs=0.8)
 
 
+@pytest.mark.slow
 def test_misfit_tells_two_paths_in_one_from_one(bench):
     """Of one path in noise it is 1 by definition; two that the pulse cannot separate leave far more than noise."""
     rng = np.random.default_rng(2)
@@ -75,6 +76,7 @@ def test_only_what_free_space_allows_later_may_be_wrapped(bench):
     assert list(table["may_be_wrapped"].values) == [0, 1]
 
 
+@pytest.mark.slow
 def test_methods_differ_where_paths_overlap(bench):
     """Alone a path is the same by any; beside another, nearly a pulse away, each step of effort takes off error."""
     alone = [(-100.0, 200e-9, 40.0, 2.0), (-110.0, 300e-9, 200.0, -5.0)]
@@ -114,6 +116,7 @@ def test_copies_that_the_instrument_makes_are_no_paths(bench):
     assert extract_mpcs(cir, bench.filter_, told).sizes["mpc"] == 2
 
 
+@pytest.mark.slow
 def test_an_instrument_with_mirrors(shared_data, bench):
     """28 GHz scan of an empty room, 501 frequencies: mirrors at 24 ns, -17 and -25 dB, are the instrument's.
 

@@ -30,6 +30,7 @@ def scan(bench, paths, noise, rng, *, turns=False):
 
 
 @pytest.mark.parametrize(("apart", "rmse"), [(10.0, 1.3), (20.0, 0.35)])
+@pytest.mark.slow
 def test_two_paths_at_one_delay_are_found_both(bench, apart, rmse):
     """Equal, 30 dB over the noise, a beamwidth apart and two.
 
@@ -50,6 +51,7 @@ def test_two_paths_at_one_delay_are_found_both(bench, apart, rmse):
     assert np.sqrt(np.mean(np.square(errors))) < rmse
 
 
+@pytest.mark.slow
 def test_errors_of_pairs_are_what_the_standard_deviations_say(bench):
     """15 degree apart: 12 pairs tell the mean square of normalised errors, 1, to 2/7; three of that either way."""
     rng = np.random.default_rng(4)
@@ -69,6 +71,7 @@ def test_errors_of_pairs_are_what_the_standard_deviations_say(bench):
     assert (square > 1 / 7).all(), square
 
 
+@pytest.mark.slow
 def test_pairs_whose_phase_turns_from_beam_to_beam_have_errors_that_say_so(bench):
     """10 degree apart, 30 dB over the noise, each with a phase of its own in every beam.
 
@@ -91,6 +94,7 @@ def test_pairs_whose_phase_turns_from_beam_to_beam_have_errors_that_say_so(bench
 
 
 @pytest.mark.parametrize("snr", [20.0, 45.0])
+@pytest.mark.slow
 def test_one_path_is_not_split(bench, snr):
     rng = np.random.default_rng(5)
     for _ in range(12):

@@ -73,6 +73,7 @@ def test_density_is_interpolated_in_decibels_and_one_sided_is_none(bench, scan):
     assert density(residual=residual)[0] == pytest.approx(3.0 - 1.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_errors_among_scattered_rays_are_as_stated(bench):
     """Rays 25 dB under a path, one in 0.6 ns: they move its delay by many times what the noise does."""
     rng = np.random.default_rng(4)

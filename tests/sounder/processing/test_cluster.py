@@ -63,6 +63,7 @@ def require_same(outcome, alone):
         assert product.read_bytes() == expected.read_bytes(), product.name
 
 
+@pytest.mark.slow
 def test_a_scheduler_s_workers_make_the_same_bytes(jobs, alone, cluster, tmp_path):
     outcome = process(jobs, tmp_path / "out", options=OPTIONS, scheduler=cluster.scheduler_address)
     assert len(outcome.products) == 8
@@ -71,6 +72,7 @@ def test_a_scheduler_s_workers_make_the_same_bytes(jobs, alone, cluster, tmp_pat
     require_same(outcome, alone)
 
 
+@pytest.mark.slow
 def test_a_worker_killed_midway_costs_no_more_than_a_second_try(jobs, alone, cluster, tmp_path):
     def workers() -> set[int]:
         return {nanny.pid for nanny in cluster.workers.values()}
@@ -91,5 +93,6 @@ def test_a_worker_killed_midway_costs_no_more_than_a_second_try(jobs, alone, clu
     assert list(Path(tmp_path / "out").glob(".*")) == []  # what the lost worker had begun
 
 
+@pytest.mark.slow
 def test_own_workers_make_the_same_bytes(jobs, alone, tmp_path):
     require_same(process(jobs, tmp_path / "out", options=OPTIONS, workers=2), alone)

@@ -53,6 +53,7 @@ def jobs(sounder, tmp_path):
     return make
 
 
+@pytest.mark.slow
 def test_products_stand_in_the_order_of_the_jobs_and_progress_counts_them(jobs, tmp_path):
     steps = []
     outcome = process(jobs("C", "A", "B"), tmp_path / "out", progress=lambda: steps.append(1))
@@ -73,6 +74,7 @@ def test_damage_met_while_reading_costs_its_position_alone(jobs, tmp_path):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.slow
 def test_what_fails_alike_in_many_positions_is_told_once(jobs, tmp_path, description, workers):
     batch = jobs("A", "B", "C")
     other = description(waveform={**WAVEFORM, "polynomial": [7, 3, 0]}, rx_antenna=HORN)
@@ -84,6 +86,7 @@ def test_what_fails_alike_in_many_positions_is_told_once(jobs, tmp_path, descrip
 
 
 @pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.slow
 def test_a_position_that_failed_leaves_its_name_to_the_next_recording_of_it(jobs, tmp_path, workers):
     batch = jobs("A", "A", "B", "A")
     with h5py.File(batch[0].recording.source, "r+") as file:
@@ -97,6 +100,7 @@ def test_a_position_that_failed_leaves_its_name_to_the_next_recording_of_it(jobs
     assert f"is already taken by {tmp_path / '1.h5'}: position A" in taken
 
 
+@pytest.mark.slow
 def test_products_are_left_where_nothing_changed_and_made_anew_where_anything_did(jobs, tmp_path):
     batch, out = jobs("A", "B"), tmp_path / "out"
     first = process(batch, out, resume=True)
@@ -121,6 +125,7 @@ def test_products_are_left_where_nothing_changed_and_made_anew_where_anything_di
     assert process(gather(files, calibration=tmp_path / "b2b.h5")[0], out, resume=True).already == 0
 
 
+@pytest.mark.slow
 def test_a_product_of_another_version_is_made_anew(jobs, tmp_path, monkeypatch):
     batch = jobs("A")
     process(batch, tmp_path / "out")
@@ -129,6 +134,7 @@ def test_a_product_of_another_version_is_made_anew(jobs, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("spoiled", ["cut short", "no HDF5", "of an earlier version"])
+@pytest.mark.slow
 def test_what_stands_in_a_products_place_and_is_none_is_made_anew(jobs, tmp_path, spoiled):
     batch = jobs("A")
     (product,) = process(batch, tmp_path / "out").products
@@ -142,6 +148,7 @@ def test_what_stands_in_a_products_place_and_is_none_is_made_anew(jobs, tmp_path
     assert product.read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_a_position_of_another_ones_name_is_not_taken_for_it(jobs, tmp_path):
     batch = jobs("A", "A")
     process(batch[1:], tmp_path / "out")
@@ -151,6 +158,7 @@ def test_a_position_of_another_ones_name_is_not_taken_for_it(jobs, tmp_path):
     assert root["rx_position"].values.tolist() == [batch[0].recording.rx_position.tolist()]
 
 
+@pytest.mark.slow
 def test_noise_alone_gives_a_legal_product_without_mpcs(jobs, tmp_path):
     outcome = process(jobs("A", count=0), tmp_path / "out")
     assert outcome.failures == []
@@ -186,6 +194,7 @@ def test_a_product_is_whole_or_absent(jobs, tmp_path, monkeypatch):
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.slow
 def test_options_stand_in_the_product(jobs, tmp_path):
     options = Options(averaging="power", threshold="nyu", omnidirectional="maximum", keep_cir=True)
     (product,) = process(jobs("A"), tmp_path / "out", options=options).products
@@ -194,6 +203,7 @@ def test_options_stand_in_the_product(jobs, tmp_path):
     assert open_group(product, "/daps").attrs["omnidirectional"] == "maximum"
 
 
+@pytest.mark.slow
 def test_one_filter_serves_a_campaign(jobs, tmp_path, monkeypatch):
     made = []
     calibrate = position.calibrate

@@ -218,6 +218,7 @@ def test_delay_drifts_step_by_step_in_the_order_of_the_scan():
     assert np.diff(delay).std() == pytest.approx(0.1e-9, rel=5 / np.sqrt(2 * 107))
 
 
+@pytest.mark.slow
 def test_system_response_is_the_same_in_both_recordings_and_has_the_stated_ripple():
     spread = [
         (20 * np.log10(np.abs(SystemResponse(slope=0, ripple=0.6, seed=s).response(FREQUENCY)))).std()

@@ -129,6 +129,7 @@ def test_unknown_material_and_unsuited_attenuator_are_refused(tmp_path):
     assert back_to_back_of(load_scene(written(tmp_path, "attenuator = 50\n" + NORTH))).attenuation == 50
 
 
+@pytest.mark.slow
 def test_campaign_on_disk_is_the_simulated_one_and_the_truth_beside_it(tmp_path):
     scene = load_scene(written(tmp_path, NORTH))
     steps = []
@@ -150,6 +151,7 @@ def test_campaign_on_disk_is_the_simulated_one_and_the_truth_beside_it(tmp_path)
     assert place.kind.values.tolist() == ["wall", "wall", "pole"]
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_samples_on_disk(tmp_path):
     written(tmp_path, NORTH)
     stored = []

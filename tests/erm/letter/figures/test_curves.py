@@ -50,6 +50,7 @@ def test_a_prediction_stands_at_its_mean_with_its_standard_error():
     assert right.get_ylabel() == "RMS error of the power (dB)"
 
 
+@pytest.mark.slow
 def test_sweeps_fit_a_page_and_their_names_do_not_meet():
     rng = np.random.default_rng(5)
     fields = [field.name for field in dataclasses.fields(Outcome)]

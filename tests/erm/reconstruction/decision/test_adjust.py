@@ -80,6 +80,7 @@ def test_exact_chains_leave_exact_walls_and_say_what_they_are():
     assert set(merged["reason"].values[~single]) == {Reason.MULTIPLE_REFLECTION}
 
 
+@pytest.mark.slow
 def test_chains_make_walls_better_and_their_covariance_stays_honest():
     with_chains, without, chi2 = [], [], []
     for seed in range(40):
@@ -114,6 +115,7 @@ def test_errors_that_a_link_shares_are_not_averaged(common, least, most):
     assert least <= shared(sets, found, covariance) <= most
 
 
+@pytest.mark.slow
 def test_where_as_many_paths_would_be_chains_by_chance_none_is(monkeypatch):
     # 200 paths from nowhere a link and wide errors: each chain has some in its gate, and as many about it
     rng = np.random.default_rng(3)

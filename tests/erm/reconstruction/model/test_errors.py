@@ -24,6 +24,7 @@ def test_the_wall_of_one_path_is_its_face_with_the_same_covariance():
         np.testing.assert_allclose(fitted.covariance, face.covariance, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_errors_of_walls_follow_their_covariance():
     delay_std, azimuth_std, draws = 2e-10, 0.5, 40
     chi2 = []

@@ -88,6 +88,7 @@ def test_delays_from_several_sides_tell_the_radius_of_a_pole_that_absorbs():
 
 
 @pytest.mark.parametrize("places", [AROUND, ROW])
+@pytest.mark.slow
 def test_the_covariance_of_a_pole_is_honest(places):
     """68 +- 7 % of 300 draws lie within the ellipse of 68 %; one standard deviation of that share is 2.7 %."""
     rng, exact, count = np.random.default_rng(4), off_pole(places), 300

@@ -52,6 +52,7 @@ def test_a_lamp_post_is_a_pole_where_it_stands(seed):
     assert (merged["wall"].values == 0).sum() == table["support"].item()
 
 
+@pytest.mark.slow
 def test_three_links_make_a_pole_where_little_else_is_and_none_in_a_crowd():
     post = np.array([[35.0, 9.0]])
     lonely = campaign(Environment.empty().with_poles(post, 0.12, top=8.0), seed=2, count=3)

@@ -86,6 +86,7 @@ def bends(turn, seeds=range(20)):
     return np.mean(found), np.array(errors)
 
 
+@pytest.mark.slow
 def test_both_faces_of_a_bent_facade_are_found():
     found, errors = bends(1.5)
     assert found >= 0.95
@@ -94,6 +95,7 @@ def test_both_faces_of_a_bent_facade_are_found():
     assert np.mean(np.abs(errors) < 0.5) >= 0.95
 
 
+@pytest.mark.slow
 def test_the_search_alone_leaves_faces_of_bent_facades_out(monkeypatch):
     # what the division of facades is for: without it paths next to the bend go to the wrong face
     with_it, _ = bends(1.0)
@@ -118,6 +120,7 @@ def test_exact_paths_tell_faces_that_turn_by_a_tenth_of_a_degree():
 
 
 @pytest.mark.parametrize("strays", [3.0, 10.0])
+@pytest.mark.slow
 def test_a_straight_facade_is_one_wall(strays):
     for seed in range(20):
         corners = np.array([[-30.0, 30.0], [-30.0, 30.0] + 60 * unit(3.0)])
@@ -127,6 +130,7 @@ def test_a_straight_facade_is_one_wall(strays):
         assert len(np.unique(environment.reflectors["normal"])) == 1
 
 
+@pytest.mark.slow
 def test_a_curved_facade_is_several_short_walls_along_it():
     # a quarter of a cylinder of 60 m, of faces of 1 degree: they are within 1 mm of it
     radius, middle = 60.0, np.array([0.0, 85.0])
@@ -145,6 +149,7 @@ def test_a_curved_facade_is_several_short_walls_along_it():
     assert right / total > 0.95
 
 
+@pytest.mark.slow
 def test_a_stepped_facade_is_several_walls():
     # bays of 15 m, every other one 0.4 m behind: one line through them would be 0.2 m off all of them
     steps = np.repeat(np.arange(-45.0, 46.0, 15.0), 2)[1:-1]

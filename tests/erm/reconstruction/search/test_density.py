@@ -65,6 +65,7 @@ def members(groups):
     return [group.members.tolist() for group in groups]
 
 
+@pytest.mark.slow
 def test_batches_find_the_groups_that_one_seed_after_another_finds(monkeypatch):
     paths = crowd(each=100, seed=1)  # a seed that was put off here finds a group of its own
     ahead = find_groups(paths, 3)
@@ -93,6 +94,7 @@ def test_a_seed_that_must_have_partners_waits_for_none_of_them_to_be_taken():
     assert [trial.found for trial in from_seeds(images, seeds, partners, fewest, free)] == [None] * len(seeds)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_paths_changes_no_group():
     paths = crowd()
     shuffle = np.random.default_rng(9).permutation(len(paths))
@@ -143,6 +145,7 @@ def test_trials_that_are_put_off_are_made_when_their_turn_comes():
     assert members(turns_.found) == [[0, 1], [2], [3]]
 
 
+@pytest.mark.slow
 def test_three_that_agree_are_an_accident_in_a_crowd_and_none_alone():
     paths = crowd(8_000)
     true = 3 * 40  # the first rows
@@ -183,6 +186,7 @@ def test_partners_are_those_of_all_whoever_is_asked():
         assert np.sort(own).tolist() == (np.sort(partners[number]).tolist() if asked[number] else [])
 
 
+@pytest.mark.slow
 def test_four_links_that_meet_by_chance_are_no_pole():
     rng = np.random.default_rng(11)
     paths = together([anything(60_000, 11)])

@@ -41,6 +41,7 @@ def test_package_is_imported_without_the_compiler(tmp_path):
     run("import sounder, sys; assert 'numba' not in sys.modules", tmp_path)
 
 
+@pytest.mark.slow
 def test_without_a_home_the_temporary_directory_serves(tmp_path):
     directory = Path(run(COMPILE, tmp_path))
     assert directory.parent == tmp_path
@@ -48,11 +49,13 @@ def test_without_a_home_the_temporary_directory_serves(tmp_path):
     assert not directory.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
 
 
+@pytest.mark.slow
 def test_without_any_directory_kernels_are_compiled_anew(tmp_path):
     script = "import tempfile; tempfile.tempdir = '/proc/nowhere'" + COMPILE
     assert run(script, tmp_path) == "None"
 
 
+@pytest.mark.slow
 def test_directories_are_asked_in_order(tmp_path):
     own, usual = tmp_path / "own", tmp_path / "usual"
     assert Path(run(COMPILE, tmp_path, XDG_CACHE_HOME=str(usual))).is_relative_to(usual)
@@ -73,6 +76,7 @@ def test_a_directory_that_others_can_write_is_not_trusted(tmp_path, monkeypatch)
         compiler.cache_directory.cache_clear()
 
 
+@pytest.mark.slow
 def test_processes_that_start_together_get_the_same(tmp_path):
     file = tmp_path / "script.py"
     file.write_text(COMPILE)

@@ -51,6 +51,7 @@ def seen(azimuth, elevation, looks=LOOKS):
     return 10 ** (PATTERN.beam_gain(azimuth, elevation, looks[:, 0], looks[:, 1]) / 20)
 
 
+@pytest.mark.slow
 def test_compiled_pattern_is_the_numpy_one(make_view):
     rng = np.random.default_rng(1)
     looks = np.column_stack([rng.uniform(0, 360, 200), rng.uniform(-30, 30, 200)])
@@ -80,6 +81,7 @@ def test_slopes_are_derivatives(make_view):
             assert slopes[i] == pytest.approx((after - before) / (2 * step), abs=0.007)
 
 
+@pytest.mark.slow
 def test_magnitudes_without_noise_give_the_direction(fit):
     rng = np.random.default_rng(2)
     for _ in range(30):

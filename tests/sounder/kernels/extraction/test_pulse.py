@@ -2,6 +2,7 @@
 
 import numba
 import numpy as np
+import pytest
 
 from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.kernels.extraction import pulse
@@ -34,6 +35,7 @@ def sampled(table, delay, reach):
     return sample(table, OVERSAMPLING, delay, taps), taps
 
 
+@pytest.mark.slow
 def test_taps_are_the_pulse_at_the_samples(hann):
     table = hann.table()
     first, taps = sampled(table, 50.0, hann.reach)
@@ -47,6 +49,7 @@ def test_taps_are_the_pulse_at_the_samples(hann):
         np.testing.assert_allclose(taps, hann.at(late), atol=(0.9 * np.pi / OVERSAMPLING) ** 2 / 8)
 
 
+@pytest.mark.slow
 def test_sums_go_round_the_circle():
     rng = np.random.default_rng(2)
     beams = rng.standard_normal((3, SIZE, 2)).astype(np.float32).view(np.complex64)[..., 0]
