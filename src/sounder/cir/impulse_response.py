@@ -94,7 +94,6 @@ def impulse_responses(
     *,
     averaging: Averaging = "coherent",
     threads: int | None = None,
-    progress: Callable[[], None] | None = None,
 ) -> tuple[xr.Dataset, list[Problem]]:
     """Correlate, average and de-embed the captures of every direction.
 
@@ -113,8 +112,6 @@ def impulse_responses(
         with the phase of the complex mean, for a channel that changes between snapshots.
     threads : int, optional
         Number of directions processed at a time; default one a processor.
-    progress : callable, optional
-        Called after each direction.
 
     Returns
     -------
@@ -163,8 +160,6 @@ def impulse_responses(
             if direction.mean is not None and np.isfinite(direction.mean).all():
                 cir[a, e] = direction.mean * 10 ** (-recording.agc_gain[a, e] / 20)
                 coherence[a, e] = direction.coherence
-            if progress is not None:
-                progress()
     if averaging != "power":  # de-embedding is linear, so it may follow the mean
         for a in range(len(cir)):
             cir[a] = deembedding.apply(cir[a])

@@ -163,7 +163,7 @@ def test_receiver_gain_is_taken_out(small_bench, averaging):
     assert level[1] - level[0] == pytest.approx(0, abs=5e-3)
 
 
-def test_zero_directions_are_left_out_and_told(small_bench):
+def test_zero_directions_are_left_out_and_reported(small_bench):
     captures = np.stack([as_int16(sent(small_bench)), np.zeros((1022, 2), np.int16)])[:, None, None]
     for averaging in ("coherent", "phase-aligned", "power"):
         cir, problems = responses(small_bench, captures, averaging)
@@ -172,7 +172,7 @@ def test_zero_directions_are_left_out_and_told(small_bench):
         assert problems == [Problem(10.0, 0.0, "all samples are zero", "left out")]
 
 
-def test_clipped_directions_are_used_and_told(small_bench):
+def test_clipped_directions_are_used_and_reported(small_bench):
     loud = np.clip(as_int16(sent(small_bench, amplitude=20000.0)).astype(float) * 2, -32768, 32767).astype(np.int16)
     share = np.mean((loud == 32767) | (loud == -32768))
     assert share > 0.01

@@ -71,7 +71,7 @@ def test_another_sounder_is_another_file_and_no_code(edited):
 
 
 @pytest.mark.parametrize(
-    ("replaced", "told"),
+    ("replaced", "expected"),
     [
         (
             {"carrier__frequency": "frequency = 140e9"},
@@ -125,13 +125,13 @@ def test_another_sounder_is_another_file_and_no_code(edited):
         ),
     ],
 )
-def test_what_does_not_fit_is_named_in_one_line(edited, replaced, told):
+def test_what_does_not_fit_is_named_in_one_line(edited, replaced, expected):
     path = edited(**replaced)
     with pytest.raises(DataError) as error:
         load_sounder(path)
     message = str(error.value)
     assert message.startswith(f"{path}: ")
-    assert told in message
+    assert expected in message
     assert "\n" not in message
 
 
@@ -148,7 +148,7 @@ def test_a_description_cannot_be_changed():
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "expected"),
     [
         (None, "expected an antenna cut (CSV: angle,azimuth,elevation)"),
         ("", "not an antenna cut"),
@@ -161,7 +161,7 @@ def test_a_description_cannot_be_changed():
         ("angle,azimuth,elevation\n0,0,0\n10,-3,-3\n90,-20,-20\n", "reach to both sides of boresight"),
     ],
 )
-def test_an_antenna_cut_that_is_none_is_told(edited, tmp_path, content, told):
+def test_a_file_that_is_no_antenna_cut_is_refused(edited, tmp_path, content, expected):
     path = edited()
     cut = tmp_path / "horn-132ghz.csv"
     cut.unlink()
@@ -169,7 +169,7 @@ def test_an_antenna_cut_that_is_none_is_told(edited, tmp_path, content, told):
         cut.write_text(content, encoding="utf-8")
     with pytest.raises(DataError) as error:
         load_sounder(path)
-    assert told in str(error.value)
+    assert expected in str(error.value)
     assert "\n" not in str(error.value)
 
 
@@ -183,11 +183,11 @@ def test_comments_in_a_cut_are_passed_over(edited, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"), [(None, "expected a TOML file"), (b"name = ", "not TOML"), (b"\xff\xfe", "not TOML")]
+    ("content", "expected"), [(None, "expected a TOML file"), (b"name = ", "not TOML"), (b"\xff\xfe", "not TOML")]
 )
-def test_a_file_that_is_no_toml_is_told(tmp_path, content, told):
+def test_a_file_that_is_no_toml_is_refused(tmp_path, content, expected):
     path = tmp_path / "x.toml"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(DataError, match=told):
+    with pytest.raises(DataError, match=expected):
         load_sounder(path)

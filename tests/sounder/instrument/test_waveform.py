@@ -114,7 +114,7 @@ def test_direction_and_polarity_are_what_they_say():
 
 @pytest.mark.parametrize("polarity", ["positive", "negative"])
 @pytest.mark.slow
-def test_each_of_the_48_sequences_of_order_9_is_told_through_an_instrument(polarity):
+def test_each_of_the_48_sequences_of_order_9_is_identified_through_an_instrument(polarity):
     # echoes and a tilt as a bad cable makes them, 10 dB of signal over noise a sample, any delay
     rng = np.random.default_rng(9)
     polynomials = all_polynomials(9)
@@ -128,10 +128,10 @@ def test_each_of_the_48_sequences_of_order_9_is_told_through_an_instrument(polar
         capture += np.sqrt(0.05) * rng.standard_normal((1022, 2)) @ [1, 1j]
         found = identify(capture)
         assert (found.order, found.samples_per_chip, found.polarity) == (9, 2, polarity)
-        told = waveform(9, found.polynomial, direction=found.direction)
+        identified = waveform(9, found.polynomial, direction=found.direction)
         # the description that was found makes the sequence that was sent, up to where it starts
         match = np.fft.ifft(
-            np.fft.fft(1.0 - 2 * chips(told)) * np.conj(np.fft.fft(1.0 - 2 * m_sequence(9, polynomial)))
+            np.fft.fft(1.0 - 2 * chips(identified)) * np.conj(np.fft.fft(1.0 - 2 * m_sequence(9, polynomial)))
         )
         assert np.abs(match).max() == pytest.approx(511)
         reciprocal = tuple(9 - e for e in reversed(polynomial))
@@ -141,7 +141,7 @@ def test_each_of_the_48_sequences_of_order_9_is_told_through_an_instrument(polar
 
 @pytest.mark.parametrize(("order", "per_chip"), [(7, 4), (8, 1), (10, 3), (11, 2), (13, 1)])
 @pytest.mark.slow
-def test_other_orders_and_rates_are_told(order, per_chip):
+def test_other_orders_and_rates_are_identified(order, per_chip):
     described = waveform(order, per_chip=per_chip, direction="reversed")
     found = identify(np.roll(band_limited_template(described), 1234 % described.samples))
     assert found.order == order
@@ -163,7 +163,7 @@ def test_a_dc_offset_does_not_hide_the_sequence():
 
 
 @pytest.mark.parametrize(
-    ("capture", "told"),
+    ("capture", "expected"),
     [
         (np.zeros(1022, complex), "stands out"),
         (np.full(1022, np.nan + 0j), "stands out"),
@@ -172,8 +172,8 @@ def test_a_dc_offset_does_not_hide_the_sequence():
         (np.ones(1000, complex), "1000 samples a capture; expected the period of an m-sequence"),
     ],
 )
-def test_what_is_no_m_sequence_is_refused(capture, told):
-    with pytest.raises(DataError, match=told):
+def test_what_is_no_m_sequence_is_refused(capture, expected):
+    with pytest.raises(DataError, match=expected):
         identify(capture)
 
 
