@@ -1,4 +1,4 @@
-"""Figures of maps and errors: products in, axes or a figure out; saving is the caller's business."""
+"""Figures of maps and errors. Functions take products and return axes; they save no files."""
 
 from erm.figures.error_cdf import plot_error_cdf
 from erm.figures.maps import mark_width, plot_map, plot_sensed_points

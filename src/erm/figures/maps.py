@@ -1,4 +1,4 @@
-"""Maps: what was reconstructed, sensed and known, in plan."""
+"""Maps in plan view: reconstructed walls, reflection points, antennas, known outline."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -22,23 +22,36 @@ def plot_map(
     names: Sequence[str] = (),
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Draw a map: antennas, reflection points, merged walls, known outline.
+    """Draw a map: walls, poles, antennas, reflection points and a known outline.
 
     Parameters
     ----------
     environment : Environment, optional
-        Merged walls and poles.
+        Walls and poles.
     table : xarray.Dataset, optional
-        MPC table; its antennas are drawn and, after `erm.reconstruction.reconstruct`, its accepted reflection points.
+        MPC table. Its antennas are drawn; if it is a result of `erm.reconstruct`, its accepted reflection points too.
     outline : array (segment, 2 ends, 2), optional
-        Known faces [m]; drawn where the rest of the map is.
+        Known faces [m]. They do not change the limits of the axes, unless nothing else is drawn.
     names : sequence of str
-        Written beside the reflectors, one each.
+        Names written beside the reflectors.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Where to draw; default: a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import erm
+    >>> from matplotlib.figure import Figure
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]], [[-60, -8], [60, -8]]])
+    >>> axes = erm.plot_map(street, names=["north", "south"], ax=Figure().add_subplot())
+    >>> [text.get_text() for text in axes.texts]
+    ['north', 'south']
     """
     axes = ax or new_axes((7.0, 6.0))
-    seen: list[FloatArray] = []
+    drawn: list[FloatArray] = []
     if environment is not None:
         reflectors = environment.reflectors
         is_wall = reflectors["kind"].values == "wall"
@@ -47,23 +60,23 @@ def plot_map(
         if not is_wall.all():
             x, y = walls[~is_wall, 0].T
             axes.scatter(x, y, s=30, marker="s", color=PALETTE["wall"], label="pole", zorder=4)
-        seen.append(walls.reshape(-1, 2))
+        drawn.append(walls.reshape(-1, 2))
     if table is not None:
         if "accepted" in table:
             points = table["reflection_point"].values[table["accepted"].values, :2]
             draw_points(axes, points, "RP", "reflection point")
-            seen.append(points)
+            drawn.append(points)
         for name in ("RX", "TX"):
             antennas = np.unique(table[f"{name.lower()}_position"].values[:, :2], axis=0)
             draw_points(axes, antennas, name, name)
-            seen.append(antennas)
+            drawn.append(antennas)
     if outline is not None:
         draw_segments(axes, outline, "truth", "known outline")
-        if not any(map(len, seen)):
-            seen.append(outline.reshape(-1, 2))
-    fit_frame(axes, np.vstack(seen) if seen else np.zeros((0, 2)))
+        if not any(map(len, drawn)):
+            drawn.append(outline.reshape(-1, 2))
+    fit_frame(axes, np.vstack(drawn) if drawn else np.zeros((0, 2)))
     if environment is not None:
-        _name(axes, environment.reflectors["end_points"].values, names, np.vstack(seen))
+        _write_names(axes, environment.reflectors["end_points"].values, names, np.vstack(drawn))
     legend_above(axes)
     return axes
 
@@ -77,16 +90,18 @@ def plot_sensed_points(
     rx: FloatArray,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Draw sensed reflection points over the true ones.
+    """Draw measured reflection points over the true ones.
 
     Parameters
     ----------
     outline : array (segment, 2 ends, 2)
         Known faces [m].
     true_points, sensed : array (point, 2)
-        East/north [m].
+        True and measured reflection points, east/north [m].
     tx, rx : array (antenna, 2)
-        [m].
+        Positions of the antennas [m].
+    ax : matplotlib Axes, optional
+        Where to draw; default: a new figure.
     """
     axes = ax or new_axes((6.4, 4.0))
     draw_segments(axes, outline, "truth", "known outline")
@@ -102,7 +117,7 @@ def plot_sensed_points(
 
 
 def mark_width(axes: "Axes", start: FloatArray, stop: FloatArray, label: str) -> "Axes":
-    """Mark a distance on a map: an arrow with two heads between two points (2,) [m], and its label beside it."""
+    """Mark a distance on a map by a double arrow between two points (2,) [m], with a label beside it."""
     from matplotlib.patheffects import withStroke
 
     span: dict[str, Any] = {"arrowstyle": "<->", "color": "black", "shrinkA": 0, "shrinkB": 0, "linewidth": 1.1}
@@ -120,21 +135,21 @@ def mark_width(axes: "Axes", start: FloatArray, stop: FloatArray, label: str) ->
     return axes
 
 
-def _name(axes: "Axes", walls: FloatArray, names: Sequence[str], taken: FloatArray) -> None:
-    """Write names beside reflectors (reflector, 2, 2), each furthest from all that is drawn (n, 2)."""
+def _write_names(axes: "Axes", walls: FloatArray, names: Sequence[str], occupied: FloatArray) -> None:
+    """Write names beside reflectors (reflector, 2, 2), where points (n, 2) leave most room."""
     from matplotlib.patheffects import withStroke
 
     axes.apply_aspect()
     per_metre = 72 / axes.figure.dpi * np.diff(axes.transData.transform([[0, 0], [1, 0]])[:, 0])[0]  # points
     along = np.linspace(0, 1, 21)[:, None, None]
-    drawn = np.vstack([taken, (walls[:, 0] + along * (walls[:, 1] - walls[:, 0])).reshape(-1, 2)]) * per_metre
+    drawn = np.vstack([occupied, (walls[:, 0] + along * (walls[:, 1] - walls[:, 0])).reshape(-1, 2)]) * per_metre
     for ends, name in zip(walls, names, strict=False):
-        place, aside = _beside(ends * per_metre, drawn, len(name))
-        drawn = np.vstack([drawn, place + aside])
+        place, shift = _free_place(ends * per_metre, drawn, len(name))
+        drawn = np.vstack([drawn, place + shift])
         axes.annotate(
             name,
             tuple(place / per_metre),
-            tuple(aside),
+            tuple(shift),
             textcoords="offset points",
             ha="center",
             va="center",
@@ -145,13 +160,13 @@ def _name(axes: "Axes", walls: FloatArray, names: Sequence[str], taken: FloatArr
         )
 
 
-def _beside(ends: FloatArray, drawn: FloatArray, letters: int) -> tuple[FloatArray, FloatArray]:
-    """Where along a reflector (2 ends, 2), and how far aside, a name has most room beside what is drawn (n, 2)."""
+def _free_place(ends: FloatArray, drawn: FloatArray, letters: int) -> tuple[FloatArray, FloatArray]:
+    """Point on a reflector (2 ends, 2) and shift of a name from it where points (n, 2) leave most room."""
     box = np.array([3.2 * letters, 4.5])  # half of the name's width and height, points
     angle = np.radians(np.arange(0, 360, 30))
-    aside = (box + 5.0) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    shift = (box + 5.0) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     place = ends[0] + np.array([0.5, 0.35, 0.65, 0.1, 0.9])[:, None] * (ends[1] - ends[0])
-    away = np.abs(place[:, None, None] + aside[None, :, None] - drawn) - box
-    room = np.linalg.norm(np.maximum(away, 0), axis=-1).min(axis=-1)
+    distance = np.abs(place[:, None, None] + shift[None, :, None] - drawn) - box
+    room = np.linalg.norm(np.maximum(distance, 0), axis=-1).min(axis=-1)
     best = np.unravel_index(np.argmax(np.round(np.minimum(room, 9.0), 6)), room.shape)
-    return place[best[0]], aside[best[1]]
+    return place[best[0]], shift[best[1]]

@@ -1,4 +1,4 @@
-"""What all figures share: one colour and one shape a thing, metres of equal length, legends that hide nothing."""
+"""Style of all figures: colours and markers of things, equal scales of maps, legends outside of the axes."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -9,8 +9,8 @@ from erm.geometry.vertical import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's colours, told apart by all; one thing keeps its colour in every figure
 PALETTE = {"TX": "#d55e00", "RX": "#0072b2", "RP": "#e69f00", "wall": "#009e73", "truth": "#8c8c8c"}
+"""Colours of things in all figures: those of Okabe and Ito, which colour-blind readers can distinguish."""
 LINES: dict[str, dict[str, Any]] = {"wall": {"linewidth": 2.6, "zorder": 3}, "truth": {"linewidth": 1.0, "zorder": 1}}
 MARKERS: dict[str, dict[str, Any]] = {
     "TX": {"marker": "*", "s": 170, "zorder": 6, "edgecolors": "black", "linewidths": 0.6},
@@ -18,14 +18,21 @@ MARKERS: dict[str, dict[str, Any]] = {
     "RP": {"marker": "x", "s": 26, "zorder": 4, "linewidths": 1.2},
 }
 CURVES = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
-WIDE = 30.0  # times; medians further apart than this need a logarithmic axis
-MARGIN = 0.08  # share of the map's larger side left free around it
-ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "fontsize": "small"}
+LOG_RATIO = 30.0
+"""Ratio of medians above which an axis of errors is logarithmic; chosen."""
+MARGIN = 0.08
+"""Margin around a map, relative to its larger side; chosen."""
+LEGEND_ABOVE: dict[str, Any] = {
+    "loc": "lower left",
+    "bbox_to_anchor": (0.0, 1.0),
+    "frameon": False,
+    "fontsize": "small",
+}
 """Place of a legend over the axes, where it hides nothing."""
 
 
 def new_axes(size: tuple[float, float]) -> "Axes":
-    """Axes in a figure of their own, of a size [inch]."""
+    """Axes in a new figure of a given size [inch]."""
     import matplotlib.pyplot as plt
 
     return plt.subplots(figsize=size, layout="constrained")[1]
@@ -41,13 +48,13 @@ def draw_segments(axes: "Axes", segments: FloatArray, thing: str, label: str) ->
 
 
 def draw_points(axes: "Axes", points: FloatArray, thing: str, label: str) -> None:
-    """Draw points (point, 2) in the colour and shape of the thing."""
+    """Draw points (point, 2) with the colour and marker of a thing."""
     if len(points):
         axes.scatter(*points.T, color=PALETTE[thing], label=label, **MARKERS[thing])
 
 
 def fit_frame(axes: "Axes", points: FloatArray) -> None:
-    """Fit the view to points (point, 2), metres of equal length both ways."""
+    """Set equal scales, and limits that show points (point, 2)."""
     axes.set_aspect("equal")
     axes.set(xlabel="East (m)", ylabel="North (m)")
     if len(points):
@@ -58,7 +65,7 @@ def fit_frame(axes: "Axes", points: FloatArray) -> None:
 
 
 def legend_above(axes: "Axes") -> None:
-    """Put the legend above a map, where it hides nothing."""
+    """Put the legend above a map."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": len(labels)}

@@ -36,8 +36,8 @@ def test_every_component_is_marked_by_the_number_of_its_bounces(polar):
     plot_sectors([Sector("W1", 85, 95, 2)], polar, table=make_table(ends | columns), labels=labels)
     drawn = {item.get_label(): item.get_offsets()[:, 1].tolist() for item in polar.collections}
     assert drawn == {
-        "one bounce, or none (2)": pytest.approx([10, 20]),  # ns
-        "several bounces (1)": pytest.approx([30]),
+        "at most one reflection (2)": pytest.approx([10, 20]),  # ns
+        "several reflections (1)": pytest.approx([30]),
         "not explained (1)": pytest.approx([40]),
     }
 

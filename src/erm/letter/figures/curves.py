@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from erm.figures.style import ABOVE, CURVES, PALETTE
+from erm.figures.style import CURVES, LEGEND_ABOVE, PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +70,7 @@ def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
             axes.set_xlabel(f"{one.knob.name[:1].upper()}{one.knob.name[1:]} ({one.knob.unit})")
             axes.set_ylabel(label)
     for axes in grid[0]:
-        axes.legend(**ABOVE)
+        axes.legend(**LEGEND_ABOVE)
     return figure
 
 
@@ -98,7 +98,7 @@ def plot_predictions(predictions: "Sequence[Predicted]") -> "Figure":
     for axes in (left, right):
         axes.set_xlabel("Positions of the map")
         axes.grid(alpha=0.3)
-        axes.legend(**ABOVE)
+        axes.legend(**LEGEND_ABOVE)
     return figure
 
 
