@@ -65,7 +65,7 @@ def test_recordings_and_calibration_are_all_that_must_be_said(campaign, tmp_path
         (MINIMAL + "[map]\nground = nan\n", "map.ground is nan; expected a finite number"),
         (MINIMAL + "[map]\nheading = 30\n", "map: heading is given without origin; expected both or neither"),
         (MINIMAL + "[map]\norigin = [148.1, 11.5]\n", "map: origin at latitude 148.1 longitude 11.5 height 0 heading"),
-        (MINIMAL + "[map]\norigin = 48.1\n", "map.origin: found 48.1; expected latitude, longitude and, optionally, height"),
+        (MINIMAL + "[map]\norigin = 48.1\n", "map.origin: found 48.1; expected latitude, longitude and, optionally,"),
         (MINIMAL + '[figures]\npositions = "RX1"\n', "figures.positions: found 'RX1'; expected \"all\", \"none\" or"),
         (MINIMAL + '[figures]\nout = "x"\n', "figures.out: unknown key; known are format, positions"),
         ("[recordings]\ncalibration = 'b2b.h5'\n", "recordings.files: missing"),
