@@ -9,7 +9,7 @@ from erm.cli.arguments import MapFile
 from erm.common.console import counted
 from erm.common.errors import DataError, OptionError
 from erm.common.outputs import protect_inputs
-from erm.maps.formats import FREQUENCY, HEIGHT, MARGIN
+from erm.maps.formats import DRAWING_FREQUENCY, DRAWING_HEIGHT, DRAWING_MARGIN
 
 
 def export(
@@ -28,14 +28,14 @@ def export(
     ] = 0.0,
     height: Annotated[
         float, typer.Option(min=0.0, help="Drawings: height above the ground of walls without upper edge [m].")
-    ] = HEIGHT,
+    ] = DRAWING_HEIGHT,
     margin: Annotated[
         float, typer.Option(min=0.0, help="Drawings: how far ground and ceiling extend beyond the walls [m].")
-    ] = MARGIN,
+    ] = DRAWING_MARGIN,
     frequency: Annotated[
         float,
         typer.Option(min=1e6, max=1e13, help=".xml: frequency for materials that the ray tracer does not know [Hz]."),
-    ] = FREQUENCY,
+    ] = DRAWING_FREQUENCY,
 ) -> None:
     """Write a map in another format, or give it a place on earth.
 

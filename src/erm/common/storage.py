@@ -154,14 +154,14 @@ def require_file(path: Path) -> None:
     if not os.access(path, os.R_OK):
         raise DataError(f"{path}: no permission to read it; ask its owner")
     if not path.stat().st_size:
-        raise DataError(f"{path}: is empty; make or copy it anew")
+        raise DataError(f"{path}: is empty; make or copy it again")
 
 
 def damaged(path: Path, error: OSError) -> DataError:
     """Error for an HDF5 file that cannot be read; it says how much is missing if the file is cut short."""
     whole = re.search(r"stored_eof = (\d+)", str(error))
     what = f"{path.stat().st_size} of its {whole[1]} bytes" if whole else str(error)
-    return DataError(f"{path}: damaged HDF5 file ({what}); make or copy it anew")
+    return DataError(f"{path}: damaged HDF5 file ({what}); make or copy it again")
 
 
 @contextmanager

@@ -20,7 +20,7 @@ MARKERS: dict[str, dict[str, Any]] = {
 CURVES = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 LOG_RATIO = 30.0
 """Ratio of medians above which an axis of errors is logarithmic; chosen."""
-MARGIN = 0.08
+MAP_MARGIN = 0.08
 """Margin around a map, relative to its larger side; chosen."""
 LEGEND_ABOVE: dict[str, Any] = {
     "loc": "lower left",
@@ -59,7 +59,7 @@ def fit_frame(axes: "Axes", points: FloatArray) -> None:
     axes.set(xlabel="East (m)", ylabel="North (m)")
     if len(points):
         low, high = points.min(axis=0), points.max(axis=0)
-        margin = MARGIN * max(np.max(high - low), 1.0)
+        margin = MAP_MARGIN * max(np.max(high - low), 1.0)
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
 

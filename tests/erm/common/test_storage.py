@@ -181,7 +181,7 @@ def test_a_product_is_closed_after_reading(tmp_path):
     [
         (None, "/", "no such file"),
         (b"text", "/", "not an HDF5 file; expected a product of this software"),
-        (b"", "/", "is empty; make or copy it anew"),
+        (b"", "/", "is empty; make or copy it again"),
         ("product", "/mpc", "holds cir, none, path, x but no group /mpc; expected a product of this software"),
         ("captures", "/mpc", "holds raw captures but no group /mpc; process them first"),
     ],
@@ -205,5 +205,5 @@ def test_a_part_of_a_product_is_told(tmp_path, share):
     write_product(groups(), whole)
     content = whole.read_bytes()
     part.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(DataError, match=rf"^{part}: damaged HDF5 file \(.*\); make or copy it anew$"):
+    with pytest.raises(DataError, match=rf"^{part}: damaged HDF5 file \(.*\); make or copy it again$"):
         open_group(part)

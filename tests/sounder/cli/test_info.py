@@ -80,7 +80,7 @@ def test_info_tells_how_much_of_a_file_is_there(copied, capsys):
     whole = (copied / "RX1.h5").read_bytes()
     (copied / "RX1.h5").write_bytes(whole[:5000])
     assert run("info", copied / "RX1.h5") == 1
-    assert f"damaged HDF5 file (5000 of its {len(whole)} bytes); make or copy it anew" in capsys.readouterr().err
+    assert f"damaged HDF5 file (5000 of its {len(whole)} bytes); make or copy it again" in capsys.readouterr().err
 
 
 def test_info_tells_of_a_foreign_file(campaign, joined, capsys):

@@ -24,7 +24,7 @@ MAPS = (*HDF5, *GEOJSON, ".gpkg", ".csv")
 """Suffixes of the formats that are written and read."""
 DRAWINGS = (".dxf", ".obj", ".ply", ".xml")
 """Suffixes of the formats that are only written. They hold shapes without errors and support."""
-HEIGHT, MARGIN, FREQUENCY = 30.0, 50.0, 132e9
+DRAWING_HEIGHT, DRAWING_MARGIN, DRAWING_FREQUENCY = 30.0, 50.0, 132e9
 """Defaults of `write_map` for drawings [m], [m], [Hz]; heights and margins are chosen."""
 
 
@@ -33,9 +33,9 @@ def write_map(
     path: Path | str,
     *,
     mpcs: "xr.Dataset | None" = None,
-    height: float = HEIGHT,
-    margin: float = MARGIN,
-    frequency: float = FREQUENCY,
+    height: float = DRAWING_HEIGHT,
+    margin: float = DRAWING_MARGIN,
+    frequency: float = DRAWING_FREQUENCY,
 ) -> None:
     """Write a map in the format of the suffix. The file is written completely or not at all.
 
