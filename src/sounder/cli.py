@@ -1,19 +1,15 @@
-"""Command line of the sounder: from raw captures to impulse responses, DAPS and MPCs."""
+"""Command line of ``sounder``: from raw captures to impulse responses, DAPS and MPCs, and to the map."""
 
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
 from erm.common import console
-from erm.common.errors import DataError
 from erm.common.outputs import protect_inputs, require_folder
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options, Threshold
-
-if TYPE_CHECKING:
-    from sounder.processing.position import Outcome
 
 app = typer.Typer(
     add_completion=False,
@@ -22,10 +18,9 @@ app = typer.Typer(
     rich_markup_mode=None,  # markup would swallow units in brackets
     help="Process raw captures of a radio channel sounder.",
 )
-
 console.add_version(app)
 
-Layout = Annotated[Path | None, typer.Option(help="How a foreign HDF5 or MATLAB file is laid out (TOML).")]
+Layout = Annotated[Path | None, typer.Option(help="Layout (TOML) of a foreign HDF5 or MATLAB file.")]
 Description = Annotated[
     Path | None, typer.Option("--sounder", help="Sounder description (TOML); default: that of the recording.")
 ]
@@ -33,11 +28,11 @@ Description = Annotated[
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path("demo-output"),
+    out: Annotated[Path, typer.Option(help="Folder for all files of the demo.")] = Path("demo-output"),
 ) -> None:
-    """Run the whole chain on the letter's campaign.
+    """Run the whole chain on the campaign of the letter.
 
-    It is simulated, processed from the raw captures, reconstructed and scored.
+    The campaign is simulated, processed from its raw captures, reconstructed and scored.
     """
     require_folder(out)
     from sounder.campaign.demo import run_demo
@@ -47,12 +42,12 @@ def demo(
 
 @app.command()
 def simulate(
-    scene: Annotated[Path, typer.Argument(help="Scene (TOML): environment, positions, instrument.")],
+    scene: Annotated[Path, typer.Argument(help="Scene (TOML): environment, positions, sounder.")],
     out: Annotated[Path, typer.Option(help="Folder for raw recordings, back-to-back and truth.")],
 ) -> None:
     """Simulate the raw recordings of a scene.
 
-    Its truth, environment and paths, is written beside them.
+    The truth, that is the environment and the paths, is written too.
     """
     require_folder(out)
     from sounder.twin.scene import load_scene
@@ -60,8 +55,8 @@ def simulate(
 
     loaded = load_scene(scene)
     with console.progress("simulating", len(loaded.receivers)) as advance:
-        written = simulate(loaded, out, progress=advance)
-    print(f"{out}: {console.counted(len(written), 'recording')}")
+        recordings = simulate(loaded, out, progress=advance)
+    print(f"{out}: {console.counted(len(recordings), 'recording')}")
 
 
 @app.command()
@@ -69,9 +64,7 @@ def info(
     file: Annotated[Path, typer.Argument(help="Raw recording, back-to-back recording or product.")],
     layout: Layout = None,
     sounder: Description = None,
-    each: Annotated[
-        bool, typer.Option("--each", help="Describe each position in full, however many there are.")
-    ] = False,
+    each: Annotated[bool, typer.Option("--each", help="Describe each position in full.")] = False,
 ) -> None:
     """Describe what a file holds and whether it is healthy."""
     from sounder.processing.summary import HEADER, Table, describe_file, describe_foreign_file
@@ -90,7 +83,7 @@ def info(
 @app.command()
 def convert(
     file: Annotated[Path, typer.Argument(help="Recording in any readable format.")],
-    out: Annotated[Path, typer.Option(help="Native recording (.h5); a folder if the file holds several positions.")],
+    out: Annotated[Path, typer.Option(help="Native recording (.h5), or a folder if the file holds several positions.")],
     layout: Layout = None,
     sounder: Description = None,
 ) -> None:
@@ -102,35 +95,40 @@ def convert(
 
     with console.progress("converting", 1):
         outcome = convert_file(file, out, layout=layout, sounder=sounder)
-    _report(outcome, out, "recording")
+    print(f"{out}: {console.counted(len(outcome.products), 'recording')}")
+    _report(outcome.notes, outcome.failures)
 
 
 @app.command()
 def process(
     recordings: Annotated[
-        list[Path], typer.Argument(readable=False, help="Raw recordings, one or many positions each.")
+        list[Path], typer.Argument(readable=False, help="Raw recordings with one or many positions each.")
     ],
-    out: Annotated[Path, typer.Option(help="Folder for the products, one file a position.")],
+    out: Annotated[Path, typer.Option(help="Folder for the products, one file for each position.")],
     calibration: Annotated[
-        Path | None, typer.Option(help="Back-to-back recording (.h5); a foreign file may hold its own.")
+        Path | None, typer.Option(help="Back-to-back recording (.h5). A foreign file may hold its own.")
     ] = None,
     layout: Layout = None,
     sounder: Description = None,
-    averaging: Annotated[Averaging, typer.Option(help="Over the snapshots of a direction.")] = Options.averaging,
+    averaging: Annotated[
+        Averaging, typer.Option(help="Averaging over the snapshots of a direction.")
+    ] = Options.averaging,
     threshold: Annotated[
         Threshold, typer.Option(help="Least power of an MPC: noise + 12 dB (usc), or max(peak - 25, noise + 5) (nyu).")
     ] = Options.threshold,
     method: Annotated[
-        Method, typer.Option(help="MPCs: fitted jointly (sage), one after the other (clean), as they stand (peaks).")
+        Method, typer.Option(help="MPCs are fitted jointly (sage), one by one (clean), or are single peaks (peaks).")
     ] = Options.method,
     omnidirectional: Annotated[
-        Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of the beams, or strongest beam.")
+        Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of all beams, or strongest beam.")
     ] = Options.omnidirectional,
-    keep_cir: Annotated[bool, typer.Option("--keep-cir", help="Keep the impulse responses in the product.")] = False,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads a process; default one a processor.")] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine, a position each.")] = 1,
+    keep_cir: Annotated[bool, typer.Option("--keep-cir", help="Keep the impulse responses in the products.")] = False,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Threads in each process; default: one for each processor.")
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine, each with a position.")] = 1,
     scheduler: Annotated[
-        str | None, typer.Option(help="Running dask scheduler (tcp://host:port); goes before --workers.")
+        str | None, typer.Option(help="Running dask scheduler (tcp://host:port), used in place of --workers.")
     ] = None,
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
@@ -144,58 +142,47 @@ def process(
         outcome = process(
             jobs, out, options=options, threads=threads, workers=workers, scheduler=scheduler, progress=advance
         )
-    outcome.failures[:0] = failures
-    _report(outcome, out, "product")
+    print(f"{out}: {console.counted(len(outcome.products), 'product')}")
+    _report(outcome.notes, [*failures, *outcome.failures])
 
 
 @app.command()
 def run(
-    campaign: Annotated[Path, typer.Argument(help="Campaign (TOML): recordings, and what is made of them.")],
+    campaign: Annotated[Path, typer.Argument(help="Campaign (TOML): recordings and options.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for all that is made; default one beside the campaign, named after it.")
+        Path | None, typer.Option(help="Folder for all outputs; default: beside the campaign file, named after it.")
     ] = None,
 ) -> None:
     """Make products, MPC table, map, figures and report of a campaign.
 
-    Positions that were processed before, from the same files with the same options, are not processed again.
+    Products that exist already are kept if their files and options are the same.
     """
     from sounder.campaign.run import run_campaign
 
     result = run_campaign(campaign, out)
     for line in result.summary:
         print(line)
-    for note in result.notes:
-        print(f"note: {note}", file=sys.stderr)
-    console.report_failures(result.failures)
+    _report(result.notes, result.failures)
 
 
 @app.command()
 def figures(
     products: Annotated[list[Path], typer.Argument(readable=False, help="Products of `sounder process`.")],
     out: Annotated[Path, typer.Option(help="Folder for the figures.")],
-    overlay: Annotated[bool, typer.Option("--overlay", help="Draw two positions into one polar DAPS.")] = False,
+    overlay: Annotated[bool, typer.Option("--overlay", help="Also draw two positions in one polar diagram.")] = False,
     file_format: Annotated[FigureFormat, typer.Option("--format", help="File format.")] = "png",
 ) -> None:
     """Draw DAPS, MPCs and PDP of products.
 
-    The DAPS is drawn in polar form, and in cartesian form with the MPCs over it.
+    The DAPS is drawn as a polar diagram, and over delay and azimuth together with the MPCs.
     """
-    from sounder.figures.files import draw_overlay, draw_product
+    from sounder.figures.files import draw_products
 
     if overlay and len(products) != 2:
         raise typer.BadParameter(f"--overlay takes two products, got {len(products)}")
     require_folder(out)
-    failures = []
-    written: list[Path] = []
     with console.progress("drawing", len(products)) as advance:
-        for product in products:
-            try:
-                written += draw_product(product, out, suffix=file_format)
-            except DataError as error:
-                failures.append(str(error))
-            advance()
-        if overlay and not failures:
-            written += draw_overlay(products[0], products[1], out, suffix=file_format)
+        written, failures = draw_products(products, out, suffix=file_format, overlay=overlay, progress=advance)
     print(f"{out}: {console.counted(len(written), 'figure')}")
     console.report_failures(failures)
 
@@ -206,56 +193,60 @@ def score(
         list[Path], typer.Argument(readable=False, help="Products of `sounder process`, or MPC tables (.csv).")
     ],
     truth: Annotated[Path, typer.Option(help="truth/paths.h5 of `sounder simulate`, an MPC table or a product.")],
-    delay_gate: Annotated[float, typer.Option(help="How far an MPC may be off its path [s].")] = 1e-9,
-    azimuth_gate: Annotated[float, typer.Option(help="The same [degree].")] = 5.0,
-    elevation_gate: Annotated[float, typer.Option(help="The same [degree].")] = math.inf,
-    gain_gate: Annotated[float, typer.Option(help="The same [dB].")] = 10.0,
-    dynamic_range: Annotated[float, typer.Option(help="Paths to be found: so far under the strongest [dB],")] = 25.0,
-    least_snr: Annotated[float, typer.Option(help="and so far over the noise, where it is known [dB].")] = 10.0,
-    out: Annotated[Path | None, typer.Option(help="Folder for a table of all paths and figures.")] = None,
+    delay_gate: Annotated[float, typer.Option(help="Largest difference of an MPC from its path: delay [s].")] = 1e-9,
+    azimuth_gate: Annotated[float, typer.Option(help="The same: azimuth [degree].")] = 5.0,
+    elevation_gate: Annotated[float, typer.Option(help="The same: elevation [degree].")] = math.inf,
+    gain_gate: Annotated[float, typer.Option(help="The same: path gain [dB].")] = 10.0,
+    dynamic_range: Annotated[
+        float, typer.Option(help="Required paths: at most so far below the strongest [dB].")
+    ] = 25.0,
+    least_snr: Annotated[
+        float, typer.Option(help="Required paths: at least so far above the noise, if it is known [dB].")
+    ] = 10.0,
+    out: Annotated[Path | None, typer.Option(help="Folder for a table of all paths, and figures.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Judge MPCs by the paths that were there.
+    """Compare MPCs with true paths.
 
-    How many were found, how many made up, how far off they are, and how honest about it: of the errors, 68 % should lie
-    within one stated standard deviation and 95 % within two.
+    The score counts found paths and false MPCs, and gives the errors. If the stated standard deviations are right, 68 %
+    of the errors are within one standard deviation and 95 % within two.
     """
-    import json
-
-    from erm.evaluation.outline import rounded
-    from sounder.figures.files import score_products, write_score
+    from sounder.figures.files import write_score
     from sounder.mpc.score import Gates
+    from sounder.processing.scoring import score_products
 
     if out:
         require_folder(out)
         protect_inputs((out / "paths.csv",), (*products, truth))
     gates = Gates(delay_gate, azimuth_gate, elevation_gate, gain_gate)
-    judged, complaints = score_products(products, truth, gates=gates, dynamic_range=dynamic_range, least_snr=least_snr)
-    summary = judged.summary()
+    result, problems = score_products(products, truth, gates=gates, dynamic_range=dynamic_range, least_snr=least_snr)
+    _print_score(result.summary(), as_json)
+    if out:
+        print(f"{out}: {len(write_score(result, out))} files", file=sys.stderr if as_json else sys.stdout)
+    console.report_failures(problems)
+
+
+def _print_score(summary: dict[str, Any], as_json: bool) -> None:
+    import json
+
+    from erm.evaluation.outline import rounded
+
     if as_json:
         print(json.dumps(rounded(summary, digits=15), indent=2))
-    else:
-        print(
-            f"{summary['found']} of {summary['paths']} paths found; {summary['false']} of {summary['mpcs']} MPCs false"
-        )
-        names = ("count", "rmse", "bias", "median_absolute", "within_1_std", "within_2_std")
-        console.show(
-            ["error", *names],
-            (
-                [f"{name} [{row['unit']}]", *(f"{row[key]:.3g}" for key in names)]
-                for name, row in summary["errors"].items()
-            ),
-        )
-    if out:
-        print(f"{out}: {len(write_score(judged, out))} files", file=sys.stderr if as_json else sys.stdout)
-    console.report_failures(complaints)
+        return
+    print(f"{summary['found']} of {summary['paths']} paths found; {summary['false']} of {summary['mpcs']} MPCs false")
+    names = ("count", "rmse", "bias", "median_absolute", "within_1_std", "within_2_std")
+    errors = summary["errors"].items()
+    console.show(
+        ["error", *names], ([f"{name} [{row['unit']}]", *(f"{row[key]:.3g}" for key in names)] for name, row in errors)
+    )
 
 
-def _report(outcome: "Outcome", out: Path, what: str) -> None:
-    print(f"{out}: {console.counted(len(outcome.products), what)}")
-    for note in outcome.notes:
+def _report(notes: list[str], failures: list[str]) -> None:
+    """Print notes and failures on stderr, and exit with 1 if anything failed."""
+    for note in notes:
         print(f"note: {note}", file=sys.stderr)
-    console.report_failures(outcome.failures)
+    console.report_failures(failures)
 
 
 def main() -> None:

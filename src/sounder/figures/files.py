@@ -1,7 +1,6 @@
-"""Products as figures in files, and judged by the truth in a file."""
+"""Figures of products and scores, drawn into files."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -13,24 +12,63 @@ from matplotlib.projections.polar import PolarAxes
 from erm.common.console import save_figure
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path, open_group
-from erm.mpcs.files import read_csv, read_product
 from sounder.figures import products as figures
 from sounder.figures import score as score_figures
-from sounder.instrument.description import Sounder
-from sounder.mpc.score import Gates, Score, score, with_snr
+from sounder.mpc.score import Score
 
 KINDS = ("daps_polar", "daps", "pdp")
-"""Figures of a product."""
-TRUTH = "truth/paths.h5 of `sounder simulate`, an MPC table (.csv) or a product"
+"""Figures of a product, as their files are named."""
+
+
+def draw_products(
+    products: Sequence[Path],
+    out: Path,
+    *,
+    suffix: str = "png",
+    overlay: bool = False,
+    progress: Callable[[], None] | None = None,
+) -> tuple[list[Path], list[str]]:
+    """Draw the figures of products.
+
+    Parameters
+    ----------
+    products : sequence of Path
+    out : Path
+        Folder.
+    suffix : str
+        Format of the figures.
+    overlay : bool
+        Also draw the DAPS of the two products into one polar diagram.
+    progress : callable, optional
+        Called after each product.
+
+    Returns
+    -------
+    written : list of Path
+    failures : list of str
+        One line for each product that cannot be drawn.
+    """
+    written: list[Path] = []
+    failures: list[str] = []
+    for product in products:
+        try:
+            written += draw_product(product, out, suffix=suffix)
+        except DataError as error:
+            failures.append(str(error))
+        if progress is not None:
+            progress()
+    if overlay and not failures:
+        written += draw_overlay(products[0], products[1], out, suffix=suffix)
+    return written, failures
 
 
 def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
-    """Draw the DAPS (polar, and cartesian with the MPCs) and the PDP of one product.
+    """Draw the DAPS (polar, and over delay and azimuth with the MPCs) and the PDP of a product.
 
     Returns
     -------
     list of Path
-        Files written, named after the product.
+        Files, named after the product.
 
     Raises
     ------
@@ -64,7 +102,7 @@ def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -
     Returns
     -------
     list of Path
-        The file written.
+        The file.
 
     Raises
     ------
@@ -76,103 +114,13 @@ def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -
     return [_save(figure, out / f"{first.stem}_{second.stem}_daps_polar.{suffix}")]
 
 
-def score_products(
-    products: Sequence[Path],
-    truth: Path,
-    *,
-    gates: Gates | None = None,
-    dynamic_range: float = 25.0,
-    least_snr: float = 10.0,
-) -> tuple[Score, list[str]]:
-    """Judge the MPCs of products, or of MPC tables, by the paths that were there.
-
-    Parameters
-    ----------
-    products : sequence of Path
-        Products of ``sounder process``; or MPC tables (.csv), for which no SNR is known.
-    truth : Path
-        ``truth/paths.h5`` of ``sounder simulate``, an MPC table (.csv), or another product. Positions that no product
-        is of are left out.
-    gates, dynamic_range, least_snr
-        As for :func:`sounder.mpc.score.score`.
-
-    Returns
-    -------
-    score : Score
-    complaints : list of str
-        One line for each file that could not be used.
-
-    Raises
-    ------
-    DataError
-        The truth cannot be read, or no product can.
-    """
-    there, complaints = read_truth(truth)
-    names = there["position"].values.astype(str)
-    estimates, paths, periods = [], [], set()
-    for product in products:
-        try:
-            found, problems, root = _mpcs(product)
-            # A product of nothing found is about a position all the same.
-            positions = np.unique((found if root is None else root)["position"].values.astype(str)).tolist()
-            if unknown := sorted(set(positions) - set(names)):
-                known = ", ".join(sorted(set(names))[:3])
-                raise DataError(f"{product}: {unknown[0]} is not in {truth}, which holds {known} and so on")
-        except DataError as error:
-            complaints.append(str(error))
-            continue
-        complaints += problems
-        local = there.isel(path=np.flatnonzero(np.isin(names, positions)))
-        if root is not None:
-            sounder = Sounder.from_tables(json.loads(root.attrs["sounder"]), str(product))
-            local = with_snr(local, open_group(product, "/daps"), sounder)
-            periods.add(sounder.waveform.period)
-        estimates.append(found)
-        paths.append(local)
-    if not paths:
-        raise DataError("\n".join(complaints))
-    if len(periods) > 1:
-        raise DataError(f"{products[0]} and others are of sounders with different periods; score them apart")
-    joined = xr.concat(estimates, dim="mpc", join="outer"), xr.concat(paths, dim="path", join="outer")
-    judged = score(
-        *joined,
-        gates=gates,
-        dynamic_range=dynamic_range,
-        least_snr=least_snr,
-        period=periods.pop() if periods else None,
-    )
-    return judged, complaints
-
-
-def read_truth(path: Path) -> tuple[xr.Dataset, list[str]]:
-    """Read true paths, along ``path`` with their ``position``; and complaints about rows that broke a rule.
-
-    Raises
-    ------
-    DataError
-        The file is neither the truth of ``sounder simulate`` nor a table of MPCs.
-    """
-    complaints: list[str] = []
-    if path.suffix.lower() == ".csv":
-        table, complaints = read_csv(path)
-    elif "path" in (traced := open_group(path, expected=TRUTH)).dims:
-        table = traced
-    else:
-        table, complaints = read_product(path)
-    names = ["position", "delay", "azimuth", "elevation", "path_gain"]
-    if missing := [name for name in names if name not in table]:
-        raise DataError(f"{path}: has no {missing[0]}; expected {TRUTH}")
-    table = table[names]
-    return (table if "path" in table.dims else table.rename(mpc="path")), complaints
-
-
-def write_score(judged: Score, out: Path, *, suffix: str = "png") -> list[Path]:
-    """Write a score: ``paths.csv``, a row a true path, and figures against SNR and against separation.
+def write_score(score: Score, out: Path, *, suffix: str = "png") -> list[Path]:
+    """Write a score: ``paths.csv`` with a row for each true path, and figures over SNR and over separation.
 
     Returns
     -------
     list of Path
-        Files written. Without any SNR there is no figure against it.
+        Files. There is no figure over the SNR if no SNR is known.
 
     Raises
     ------
@@ -180,31 +128,24 @@ def write_score(judged: Score, out: Path, *, suffix: str = "png") -> list[Path]:
         The folder cannot be written to.
     """
     with atomic_path(out / "paths.csv") as temporary:
-        judged.paths.to_dataframe().to_csv(temporary, index=False)
+        score.paths.to_dataframe().to_csv(temporary, index=False)
     written = [out / "paths.csv"]
     kinds: list[score_figures.Against] = ["snr", "separation"]
     for against in kinds:
-        if not np.isfinite(judged.paths[against].values).any():
+        if not np.isfinite(score.paths[against].values).any():
             continue
         figure = Figure(figsize=(9.6, 5.6), layout="constrained")
         first, *others = figure.subplots(2, 3).flat
-        score_figures.detection(judged, first, against=against)
+        score_figures.detection(score, first, against=against)
         for parameter, ax in zip(score_figures.ERRORS, others, strict=False):
-            score_figures.errors(judged, ax, parameter=parameter, against=against)
-        score_figures.normalised(judged, others[-1])
+            score_figures.errors(score, ax, parameter=parameter, against=against)
+        score_figures.normalised(score, others[-1])
         written.append(_save(figure, out / f"against_{against}.{suffix}"))
     return written
 
 
-def _mpcs(path: Path) -> tuple[xr.Dataset, list[str], xr.Dataset | None]:
-    """Table and complaints of a file, and if it is a product, its root."""
-    if path.suffix.lower() == ".csv":
-        return *read_csv(path), None
-    return *read_product(path), open_group(path)
-
-
 def _daps(product: Path) -> tuple[str, xr.Dataset]:
-    daps = open_group(product, "/daps")  # first, for it tells a product from other files
+    daps = open_group(product, "/daps")  # first: its error says what is wrong with a file that is no product
     return str(open_group(product)["position"].values[0]), daps
 
 

@@ -1,6 +1,6 @@
-"""Figures of products: DAPS in polar and cartesian form, PDP, and the MPCs over the DAPS; and those of a score.
+"""Figures of products: DAPS in polar form, DAPS over delay and azimuth with the MPCs, and PDP.
 
-Every function draws into the axes it is given and returns them; saving is the caller's business.
+Every function draws into the axes that it is given, and returns them.
 """
 
 from collections.abc import Sequence
@@ -18,36 +18,36 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from sounder.figures.score import detection, errors, normalised
+from sounder.figures.score import MPC_COLOUR
 
-__all__ = ["daps_cartesian", "daps_polar", "detection", "errors", "normalised", "pdp"]
-
-POWER = "viridis"
-"""Colour map of power; perceptually even and safe for colour-blind readers."""
-OVERLAID = ("Blues", "Oranges")
-"""Colour maps of two positions in one figure; hue tells the position, lightness the power."""
-MPC_COLOUR = "#d55e00"
+POWER_MAP = "viridis"
+"""Colour map of power: perceptually uniform, and readable with colour-blindness."""
+OVERLAY_MAPS = ("Blues", "Oranges")
+"""Colour maps of two positions in one figure: the hue is the position, the lightness is the power."""
 RINGS = 100
-"""Rings of delay in a polar diagram; a ring shows its strongest sample, or paths would be hairlines."""
-ABOVE: dict[str, Any] = {
+"""Rings of delay in a polar diagram, each with the power of its strongest sample. With a ring for each sample, paths
+would be too thin to see. Chosen; not derived."""
+LEGEND_ABOVE: dict[str, Any] = {
     "loc": "lower right",
     "bbox_to_anchor": (1.0, 1.0),
     "frameon": False,
     "borderaxespad": 0.1,
 }
-"""Place of a legend over the axes, where it hides nothing."""
-RANGE = 40.0
-"""Power shown below the strongest [dB]."""
+"""Legend above the axes, where it hides nothing."""
+DYNAMIC_RANGE = 40.0
+"""Range of power that is shown, below the strongest [dB]. Chosen; not derived."""
+VISIBLE_SNR = 12.0
+"""Power over the noise floor from which something is shown [dB]: the threshold of MPCs by USC."""
 
 
 def strongest_elevation(daps: xr.Dataset) -> xr.DataArray:
-    """DAPS with the strongest elevation at each azimuth and delay [dB]; where all are missing, NaN."""
+    """DAPS with the strongest elevation at each azimuth and delay [dB]; NaN where all are missing."""
     return daps["daps"].max("elevation", keep_attrs=True)
 
 
-def shown_delay(daps: xr.Dataset, over: float = 12.0) -> float:
-    """Delay up to which anything stands ``over`` dB above the noise floor, with a tenth to spare [s]."""
-    above = (daps["daps"] > daps["noise_floor"] + over).any(("azimuth", "elevation"))
+def last_visible_delay(daps: xr.Dataset) -> float:
+    """Largest delay at which the power exceeds the noise floor by :data:`VISIBLE_SNR`, and a tenth more [s]."""
+    above = (daps["daps"] > daps["noise_floor"] + VISIBLE_SNR).any(("azimuth", "elevation"))
     delay = daps["delay"].values
     last = delay[above.values][-1] if above.any() else delay[-1]
     return float(min(1.1 * last, delay[-1]))
@@ -62,7 +62,7 @@ def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None)
         Group ``/daps`` of a product.
     ax : matplotlib.axes.Axes
     mpc : xarray.Dataset, optional
-        Group ``/mpc``; drawn as circles with their azimuth errors.
+        Group ``/mpc``, drawn as circles with their standard deviations of azimuth.
     """
     power = strongest_elevation(daps)
     top = float(power.max())
@@ -71,20 +71,20 @@ def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None)
         power["delay"].values * 1e9,
         azimuth,
         power.values,
-        cmap=POWER,
-        vmin=max(top - RANGE, float(daps["noise_floor"].median())),
+        cmap=POWER_MAP,
+        vmin=max(top - DYNAMIC_RANGE, float(daps["noise_floor"].median())),
         vmax=top,
         shading="nearest",
         rasterized=True,
     )
     _figure(ax).colorbar(mesh, ax=ax, label="Path gain incl. RX antenna (dB)", pad=0.02)
     if mpc is not None and mpc.sizes["mpc"]:
-        half = np.diff(azimuth).min() / 2 if azimuth.size > 1 else 180.0
-        # 358 degrees belongs into the row of 0, which reaches from -5 to 5.
-        turned = (mpc["azimuth"].values - azimuth[0] + half) % 360 + azimuth[0] - half
+        half = _half_step(azimuth)
+        # 358 degrees belongs to the row of 0, which extends from -5 to 5
+        wrapped = (mpc["azimuth"].values - azimuth[0] + half) % 360 + azimuth[0] - half
         ax.errorbar(
             mpc["delay"].values * 1e9,
-            turned,
+            wrapped,
             yerr=np.minimum(np.nan_to_num(mpc["azimuth_std"].values), half),
             fmt="o",
             markersize=5,
@@ -95,41 +95,41 @@ def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None)
             elinewidth=1,
             label=f"MPCs ({mpc.sizes['mpc']})",
         )
-        ax.legend(**ABOVE)
-    ax.set(xlabel="Delay (ns)", ylabel="Azimuth of arrival (°)", xlim=(0, shown_delay(daps) * 1e9))
+        ax.legend(**LEGEND_ABOVE)
+    ax.set(xlabel="Delay (ns)", ylabel="Azimuth of arrival (°)", xlim=(0, last_visible_delay(daps) * 1e9))
     ax.set_yticks(np.arange(0, 361, 60))
     ax.set_ylim(azimuth[0] - _half_step(azimuth), azimuth[-1] + _half_step(azimuth))
     return ax
 
 
 def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> PolarAxes:
-    """Draw one DAPS, or two in one diagram: radius delay, angle azimuth, colour power.
+    """Draw one DAPS, or two in one polar diagram: the radius is delay, the angle is azimuth, the colour is power.
 
     Parameters
     ----------
     products : sequence of (name, dataset)
-        Name and group ``/daps`` of one or two positions. What is less than 12 dB above the noise floor or more than
-        :data:`RANGE` below the strongest is left blank.
+        Name and group ``/daps`` of one or two positions. Power of less than :data:`VISIBLE_SNR` above the noise floor,
+        or more than :data:`DYNAMIC_RANGE` below the strongest, is left blank.
     ax : matplotlib.projections.polar.PolarAxes
 
     Raises
     ------
     ValueError
-        There are more than two.
+        There are more than two positions, or none.
     """
     if not 1 <= len(products) <= 2:
-        raise ValueError(f"{len(products)} positions; one or two fit a polar diagram")
-    maps = [colormaps[POWER]] if len(products) == 1 else [_without_pale(name) for name in OVERLAID]
-    outer = max(shown_delay(daps) for _, daps in products)
-    crowd = np.zeros(360)
+        raise ValueError(f"{len(products)} positions; expected one or two in a polar diagram")
+    maps = [colormaps[POWER_MAP]] if len(products) == 1 else [_without_pale_third(name) for name in OVERLAY_MAPS]
+    outer = max(last_visible_delay(daps) for _, daps in products)
+    sectors_drawn = np.zeros(360)
     for index, ((name, daps), colours) in enumerate(zip(products, maps, strict=True)):
-        above = daps["daps"].where(daps["daps"] > daps["noise_floor"] + 12).max("elevation")
+        above = daps["daps"].where(daps["daps"] > daps["noise_floor"] + VISIBLE_SNR).max("elevation")
         rings = max(int(outer / RINGS / float(daps["delay"][1] - daps["delay"][0])), 1)
-        power = above.where(above > above.max() - RANGE).coarsen(delay=rings, boundary="trim").max()
+        power = above.where(above > above.max() - DYNAMIC_RANGE).coarsen(delay=rings, boundary="trim").max()
         corners, values = _sectors(power)
         drawn = PolyCollection(list(corners * (1, 1e9)), array=values, cmap=colours, alpha=(1.0, 0.8)[index])
         ax.add_collection(drawn)
-        np.add.at(crowd, np.degrees(corners[..., 0]).astype(int) % 360, 1)
+        np.add.at(sectors_drawn, np.degrees(corners[..., 0]).astype(int) % 360, 1)
         if values.size:
             _figure(ax).colorbar(
                 drawn,
@@ -141,7 +141,7 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
             )
     ax.set_rlim(0, outer * 1e9)
     ax.set_thetagrids(np.arange(0, 360, 30))
-    ax.set_rlabel_position(_quietest(crowd))
+    ax.set_rlabel_position(_emptiest_gap(sectors_drawn))
     ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     ax.tick_params(axis="x", pad=5)
     for label in ax.yaxis.get_ticklabels():
@@ -152,7 +152,7 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
 
 
 def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
-    """Draw omnidirectional power delay profiles, antenna removed.
+    """Draw omnidirectional power delay profiles without the gain of the antenna.
 
     Parameters
     ----------
@@ -163,9 +163,9 @@ def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
     for name, daps in products:
         ax.plot(daps["delay"].values * 1e9, daps["pdp"].values, linewidth=0.9, label=name)
     ax.set(xlabel="Delay (ns)", ylabel="Path gain (dB)")
-    ax.set_xlim(0, max(shown_delay(daps) for _, daps in products) * 1e9)
+    ax.set_xlim(0, max(last_visible_delay(daps) for _, daps in products) * 1e9)
     ax.grid(alpha=0.3)
-    ax.legend(**ABOVE, ncols=4)
+    ax.legend(**LEGEND_ABOVE, ncols=4)
     return ax
 
 
@@ -180,22 +180,22 @@ def _half_step(values: NDArray[np.float64]) -> float:
     return float(np.diff(values).min() / 2) if values.size > 1 else 180.0
 
 
-def _without_pale(name: str) -> Colormap:
-    """Colour map without its palest third, which would vanish on white."""
+def _without_pale_third(name: str) -> Colormap:
+    """Colour map without its palest third, which cannot be seen on white."""
     return ListedColormap(colormaps[name](np.linspace(0.35, 1, 256)))
 
 
-def _quietest(crowd: NDArray[np.float64]) -> float:
-    """Azimuth between two spokes where least is drawn, given how much is in each degree."""
+def _emptiest_gap(sectors_drawn: NDArray[np.float64]) -> float:
+    """Azimuth between two grid lines where least is drawn [degree], from the number of sectors in each degree."""
     between = np.arange(15, 360, 30)
     around = between[:, None] + np.arange(-8, 9)
-    return float(between[np.argmin(crowd[around].sum(axis=1))])
+    return float(between[np.argmin(sectors_drawn[around].sum(axis=1))])
 
 
 def _sectors(power: xr.DataArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (sector, corner, 2) of the sectors of azimuth and delay [rad, s] that have a power, and that (sector,).
+    """Corners (sector, corner, 2) [rad, s] and power (sector,) [dB] of all sectors of azimuth and delay with a power.
 
-    Arcs are cut into pieces of about a degree, since polygons have straight edges.
+    Arcs are polygons with an edge for each degree.
     """
     azimuth, delay = power["azimuth"].values, power["delay"].values
     looks, bins = np.nonzero(np.isfinite(power.values))

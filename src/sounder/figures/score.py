@@ -1,6 +1,6 @@
-"""Figures of a score: what was found and how far off it was, against SNR and against the distance to the next path.
+"""Figures of a score: detection and errors over the SNR and over the distance to the next path.
 
-Every function draws into the axes it is given and returns them; saving is the caller's business.
+Every function draws into the axes that it is given, and returns them.
 """
 
 from itertools import pairwise
@@ -17,7 +17,7 @@ from sounder.mpc.score import Score
 Against = Literal["snr", "separation"]
 
 BINS = {"snr": np.arange(0.0, 81.0, 5.0), "separation": np.geomspace(0.1, 1000, 13)}
-"""Edges; even steps of dB, and three a decade."""
+"""Edges of the bins: steps of 5 dB, and three bins for each decade."""
 LABELS = {"snr": "SNR in the best beam (dB)", "separation": "Distance to the next path ({delay:g} ns, {azimuth:g}°)"}
 ERRORS = {
     "delay": ("Delay error (ns)", 1e9),
@@ -25,15 +25,15 @@ ERRORS = {
     "elevation": ("Elevation error (°)", 1.0),
     "path_gain": ("Path gain error (dB)", 1.0),
 }
-"""Label of the axis, and its units in the table's."""
+"""Label of the axis, and its unit relative to that of the table."""
 MPC_COLOUR = "#d55e00"
 SUMMARY_COLOUR = "#0072b2"
-FEWEST = 3
-"""Paths a bin must hold to have an RMS error."""
+MIN_PATHS = 3
+"""Paths that a bin must hold for an RMS error. Chosen; not derived."""
 
 
 def detection(score: Score, ax: Axes, *, against: Against = "snr") -> Axes:
-    """Draw the share of the required paths that were found, with its 68 % interval (Wilson) and the number of paths.
+    """Draw the share of required paths that were found, with its 68 % interval (Wilson) and the number of paths.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def detection(score: Score, ax: Axes, *, against: Against = "snr") -> Axes:
 
 
 def errors(score: Score, ax: Axes, *, parameter: str = "delay", against: Against = "snr") -> Axes:
-    """Draw the absolute errors of the required paths that were found, and their RMS in bins.
+    """Draw the absolute errors of required paths that were found, and the RMS in each bin.
 
     Parameters
     ----------
@@ -79,19 +79,19 @@ def errors(score: Score, ax: Axes, *, parameter: str = "delay", against: Against
     against : {"snr", "separation"}
     """
     label, scale = ERRORS[parameter]
-    judged = score.paths.isel(path=np.flatnonzero(score.paths["required"].values))
-    place, error = _place(judged, against), np.abs(judged[f"{parameter}_error"].values) * scale
+    required = score.paths.isel(path=np.flatnonzero(score.paths["required"].values))
+    place, error = _place(required, against), np.abs(required[f"{parameter}_error"].values) * scale
     known = np.isfinite(place) & np.isfinite(error)
     place, error = place[known], error[known]
     ax.plot(place, error, ".", color=MPC_COLOUR, alpha=0.5, markersize=4, label="path")
     edges = BINS[against]
     index = np.digitize(place, edges) - 1
-    bins = [i for i in range(edges.size - 1) if np.count_nonzero(index == i) >= FEWEST]
+    bins = [i for i in range(edges.size - 1) if np.count_nonzero(index == i) >= MIN_PATHS]
     rms = [float(np.sqrt(np.mean(error[index == i] ** 2))) for i in bins]
     middle = [_middle(edges[i], edges[i + 1], against) for i in bins]
     ax.plot(middle, rms, "o-", color=SUMMARY_COLOUR, markersize=4, label="RMS")
     if error.any():
-        # a few errors are tiny by chance: they must not push the others together
+        # a few errors are tiny by chance; they must not set the scale
         ax.set_yscale("log")
         ax.set_ylim(bottom=np.quantile(error[error > 0], 0.05) / 2)
     _abscissa(score, ax, against)
@@ -102,22 +102,24 @@ def errors(score: Score, ax: Axes, *, parameter: str = "delay", against: Against
 
 
 def normalised(score: Score, ax: Axes) -> Axes:
-    """Draw how many errors are within so many standard deviations, beside what normal errors would give.
+    """Draw the distribution of errors in standard deviations, and that of normal errors.
 
     Parameters
     ----------
     score : sounder.mpc.score.Score
     ax : matplotlib.axes.Axes
     """
-    judged = score.paths.isel(path=np.flatnonzero(score.paths["required"].values))
+    required = score.paths.isel(path=np.flatnonzero(score.paths["required"].values))
     for (parameter, (label, _)), style in zip(ERRORS.items(), ("-", "--", "-.", ":"), strict=True):
-        told = np.abs(judged[f"{parameter}_normalised"].values)
-        told = np.sort(told[np.isfinite(told)])
-        if told.size:
+        values = np.abs(required[f"{parameter}_normalised"].values)
+        values = np.sort(values[np.isfinite(values)])
+        if values.size:
             name = label.partition(" error")[0]
-            ax.step(told, np.arange(1, told.size + 1) / told.size, style, where="post", color=MPC_COLOUR, label=name)
-    wide = np.linspace(0, 4, 81)
-    ax.plot(wide, erf(wide / np.sqrt(2)), color=SUMMARY_COLOUR, label="normal")
+            ax.step(
+                values, np.arange(1, values.size + 1) / values.size, style, where="post", color=MPC_COLOUR, label=name
+            )
+    deviations = np.linspace(0, 4, 81)
+    ax.plot(deviations, erf(deviations / np.sqrt(2)), color=SUMMARY_COLOUR, label="normal")
     ax.set(xlabel="Error (standard deviations)", ylabel="Share within", xlim=(0, 4), ylim=(0, 1.05))
     ax.grid(alpha=0.3)
     ax.legend(loc="lower right", fontsize="small")
@@ -125,7 +127,7 @@ def normalised(score: Score, ax: Axes) -> Axes:
 
 
 def _place(paths: xr.Dataset, against: Against) -> NDArray[np.float64]:
-    """Abscissa of paths; those closer than the first edge stand there."""
+    """Abscissa of paths; distances below the first edge are drawn there."""
     values: NDArray[np.float64] = paths[against].values
     return values if against == "snr" else np.maximum(values, BINS[against][0])
 
@@ -140,6 +142,6 @@ def _abscissa(score: Score, ax: Axes, against: Against) -> None:
 
 
 def _wilson(share: float, count: int) -> tuple[float, float]:
-    """Middle and half width of the 68 % interval of a share (Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
+    """Centre and half width of the 68 % interval of a share (Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
     middle = (share + 0.5 / count) / (1 + 1 / count)
     return middle, float(np.sqrt(share * (1 - share) / count + 0.25 / count**2) / (1 + 1 / count))

@@ -121,7 +121,7 @@ def test_two_positions_share_the_diagram_in_colours_of_their_own(polar):
     for mesh in (first, other):  # the palest colour shown is darker than the page by a fifth in one channel at least
         palest = to_hex(mesh.get_cmap()(0.0))
         assert min(int(palest[i : i + 2], 16) for i in (1, 3, 5)) < 0.8 * 255
-    with pytest.raises(ValueError, match="3 positions; one or two fit"):
+    with pytest.raises(ValueError, match="3 positions; expected one or two"):
         products.daps_polar([("x", second)] * 3, polar)
 
 
