@@ -104,6 +104,9 @@ def test_a_figure_is_saved_whole_or_told(tmp_path):
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(DataError, match=r"x\.xyz: "):
         console.save_figure(figure, tmp_path / "x.xyz")
+    with pytest.raises(DataError) as caught:
+        console.save_figure(figure, tmp_path / "x.png" / "y.png")
+    assert str(caught.value) == f"{tmp_path / 'x.png'}: is a file; choose a folder to write into"
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
 
 

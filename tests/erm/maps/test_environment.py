@@ -141,6 +141,23 @@ def test_a_bad_file_is_one_line_naming_it(tmp_path, name, content, complaint):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("member", "message"),
+    [
+        ({"materials": [{"name": "mud", "permittivity": [-1, 0]}]}, "material mud: permittivity must be positive"),
+        ({"georeference": {"latitude": 91, "longitude": 0}}, "origin at latitude 91.0 longitude 0.0"),
+        ({"ground": {"height": 5}, "ceiling": {"height": 1}}, "ceiling at 1.0 m is not above the ground at 5.0 m"),
+    ],
+)
+def test_an_error_of_a_part_is_told_once_and_in_its_own_words(tmp_path, member, message):
+    # a DataError is a ValueError: what reads the part must not take it for malformed
+    path = tmp_path / "a.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [], **member}))
+    with pytest.raises(DataError) as caught:
+        read_map(path)
+    assert str(caught.value).startswith(f"{path}: {message}")
+
+
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(DataError, match="no such file"):
         read_map(tmp_path / "none.csv")
