@@ -42,7 +42,9 @@ def run(app: "typer.Typer") -> None:
     except usage_error as error:
         print(usage_message(error), file=sys.stderr)
         raise SystemExit(WRONG_USAGE) from None
-    except Abort:  # Ctrl-C in versions of typer that do not return 130
+    except Abort as abort:  # Ctrl-C in versions of typer that do not return 130
+        if isinstance(abort.__cause__, EOFError):  # typer takes the end of a file for the end of typing
+            raise abort.__cause__ from None
         code = INTERRUPTED
     finally:
         sys.unraisablehook = usual

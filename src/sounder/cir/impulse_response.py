@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from erm.common.errors import DataError
 from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.instrument.waveform import chips
-from sounder.kernels.compiler.compile import processors
+from sounder.kernels.compiler.machine import processors
 from sounder.kernels.correlation.clipping import count_rails
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.options import Averaging

@@ -13,7 +13,7 @@ import xarray as xr
 
 from erm.common.errors import DataError
 from erm.common.storage import clear_leftovers
-from sounder.kernels.compiler.compile import processors
+from sounder.kernels.compiler.machine import processors
 from sounder.options import Options
 from sounder.processing.jobs import Job, Source, reopen_job
 from sounder.processing.position import FilterCache, Outcome, process_position

@@ -43,15 +43,16 @@ def test_wrong_usage_is_2(capsys):
     assert "No such option" in capsys.readouterr().err
 
 
-def test_another_error_is_a_bug_and_shows():
+@pytest.mark.parametrize("bug", [ZeroDivisionError, EOFError])  # typer takes the end of a file for Ctrl-D
+def test_another_error_is_a_bug_and_shows(bug):
     def body() -> None:
-        raise ZeroDivisionError
+        raise bug
 
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(body)
     old, sys.argv = sys.argv, ["x"]
     try:
-        with pytest.raises(ZeroDivisionError):
+        with pytest.raises(bug):
             console.run(app)
     finally:
         sys.argv = old

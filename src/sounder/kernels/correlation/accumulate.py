@@ -1,4 +1,4 @@
-"""Sums over snapshots, common to all paths."""
+"""Sums over snapshots: partial sums in single precision or integers, totals in double precision."""
 
 from typing import Any
 
@@ -8,16 +8,16 @@ from sounder.kernels.compiler.compile import part
 
 Array = Any
 
-# Equal captures round alike: n additions of one float32 number are off by at most n/8 of its last bits, 5e-7
-# for 32.
 FLUSH_POWER = 32
-# int16 fits int32 65535 times.
+"""Captures after which the sum of powers moves to its total. Equal captures round alike: n additions of one float32
+number are off by at most n/8 of its last bits, 5e-7 for 32."""
 FLUSH_SAMPLES = 1 << 14
+"""Captures after which the sum of samples moves to its total; int32 holds 65535 sums of int16."""
 
 
 @part
 def clear(partial: Array, total: Array) -> None:
-    """Forget a sum."""
+    """Set a sum to zero."""
     for k in range(partial.size):
         partial[k] = 0
         total[k] = 0
@@ -33,7 +33,7 @@ def flush(partial: Array, total: Array) -> None:
 
 @part
 def flush_permuted(partial: Array, order: Array, total: Array) -> None:
-    """Like `flush`, where position k of the partial sum belongs to ``order[k]``."""
+    """Like `flush`, where number k of the partial sum belongs to number ``order[k]`` of the total."""
     for k in range(partial.size):
         total[order[k]] += partial[k]
         partial[k] = 0
@@ -43,7 +43,7 @@ def flush_permuted(partial: Array, order: Array, total: Array) -> None:
 def mean_power(
     partial: Array, total: Array, count: int, spc: int, chip: int, stride: int, positions: Array, out: Array
 ) -> None:
-    """Mean of |correlation|**2: sum I and Q, and the captures that share a stride."""
+    """Write the mean of |correlation|**2: sum I and Q, and the captures that share a stride."""
     scale = 1.0 / count
     for k in range(positions.size):
         first = stride * positions[k]
@@ -56,7 +56,7 @@ def mean_power(
 
 @part
 def mean_capture(partial: Array, total: Array, count: int, out: Array) -> None:
-    """Mean of the captures, in the precision of the transforms."""
+    """Write the mean of the captures, in the precision of the transforms."""
     scale = 1.0 / count
     for t in range(partial.size if partial.size < out.size else out.size):
         out[t] = np.float32((total[t] + partial[t]) * scale)

@@ -9,7 +9,7 @@ sums of lanes. Three kinds of pass over the rows, of 8 or 16 each:
 3. transform the lowest three bits and, after transposing chips between rows, the lanes; square and add.
 
 Captures of 2 samples a chip are copied two at a time to a place where their beginning is repeated behind
-their end, and summed on the way; while one is transformed, the one 16 KiB later is fetched.
+their end, and summed on the way; while one is transformed, the one `AHEAD` bytes later is fetched.
 """
 
 from functools import cache
@@ -17,15 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from sounder.kernels.compiler.compile import jit, part
+from sounder.kernels.compiler.compile import jit, part_with_literals
 from sounder.kernels.correlation import accumulate, avx512_instructions, hadamard
 from sounder.kernels.correlation.permutations import Permutations
-from sounder.kernels.correlation.tables import LINE, TAIL, Path, State, Tables, new_state
+from sounder.kernels.correlation.tables import LINE, TAIL, Kernels, State, Tables, new_state
 
-AHEAD = 1 << 15  # bytes
+AHEAD = 1 << 15
+"""Bytes from a capture to the one that is fetched meanwhile; chosen, not derived."""
 ORDERS = range(9, 16)
-LAST = 8  # rows of the last pass
-GAP = 4  # chips behind the last that may be gathered: what is wrapped, and zeros
+"""Orders that fill the registers of the passes; shorter sequences go the portable path."""
+LAST = 8
+"""Rows of the last pass."""
+GAP = 4
+"""Chips behind the last that may be gathered: what is wrapped, and zeros."""
 
 Array = Any
 
@@ -72,10 +76,10 @@ def _staged_size(chips: int) -> int:
     return 4 * (chips + 1) + 64
 
 
-upper_radix = part(avx512_instructions.upper_radix)
+upper_radix = part_with_literals(avx512_instructions.upper_radix)
 
 
-@part
+@part_with_literals
 def middle_passes(rows: int, z: int) -> None:
     """Transform a block of rows down to groups of 8 neighbours."""
     upper = upper_radix(rows)
@@ -88,7 +92,7 @@ def middle_passes(rows: int, z: int) -> None:
                 avx512_instructions.lower_rows(rows, z + LINE * row)
 
 
-@part
+@part_with_literals
 def transform_sums(chip: int, rows: int, spc: int, capture: Array, sums: Array, gather: Array, z: Array) -> None:
     """Sum the capture over chips and do the first pass, to blocks of ``rows`` rows."""
     numbers = capture.size - TAIL
@@ -101,7 +105,7 @@ def transform_sums(chip: int, rows: int, spc: int, capture: Array, sums: Array, 
         avx512_instructions.gather_chips(chip, rows, sums.ctypes.data, chips, z.ctypes.data + LINE * row)
 
 
-@part
+@part_with_literals
 def finish_transform(chip: int, rows: int, z: Array) -> None:
     """Do the passes after the first, in place."""
     for block in range(0, z.size // avx512_instructions.LANES, rows):
@@ -110,7 +114,7 @@ def finish_transform(chip: int, rows: int, z: Array) -> None:
             avx512_instructions.last_rows(chip, z.ctypes.data + LINE * row)
 
 
-@part
+@part_with_literals
 def finish_power(chip: int, rows: int, z: Array, power: Array) -> None:
     """Do the passes after the first and add the squares of the result to the power."""
     for block in range(0, z.size // avx512_instructions.LANES, rows):
@@ -119,18 +123,7 @@ def finish_power(chip: int, rows: int, z: Array, power: Array) -> None:
             avx512_instructions.last_rows_power(chip, z.ctypes.data + LINE * row, power.ctypes.data + LINE * row)
 
 
-@part
-def means(chip: int, rows: int, count: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
-    """Write the averages."""
-    spc, positions = tables.samples_per_chip, tables.positions
-    accumulate.mean_power(state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power)
-    accumulate.mean_capture(state.samples, state.samples_total, count, state.capture)
-    transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
-    finish_transform(chip, rows, state.z)
-    hadamard.unpermute(state.z, chip, positions, spc, tables.polarity, correlation)
-
-
-@part
+@part_with_literals
 def stage_two(x: int, numbers: int, staged: Array, samples: Array) -> None:
     """Copy the two captures at address x, wrapped, and add them to the sums."""
     size = 2 * numbers
@@ -145,7 +138,7 @@ def stage_two(x: int, numbers: int, staged: Array, samples: Array) -> None:
     wrap_two(numbers, staged)
 
 
-@part
+@part_with_literals
 def wrap_two(numbers: int, staged: Array) -> None:
     """Repeat the beginning of the staged captures behind their ends."""
     half = staged.size // 2
@@ -154,7 +147,7 @@ def wrap_two(numbers: int, staged: Array) -> None:
         staged[half + numbers + t] = staged[half + t]
 
 
-@part
+@part_with_literals
 def stage_one(x: Array, staged: Array, samples_total: Array) -> None:
     """Copy one capture, wrapped, and add it to the sums."""
     for t in range(x.size):
@@ -163,7 +156,7 @@ def stage_one(x: Array, staged: Array, samples_total: Array) -> None:
     wrap_two(x.size, staged)
 
 
-@part
+@part_with_literals
 def add_staged(rows: int, ahead: int, staged: int, gather: int, z: Array, power: Array) -> None:
     """Transform one staged capture, add its power, and fetch the capture at address ``ahead``."""
     for row in range(rows):
@@ -181,7 +174,7 @@ def add_staged(rows: int, ahead: int, staged: int, gather: int, z: Array, power:
 
 
 @cache
-def path(order: int, samples_per_chip: int) -> Path:
+def kernels(order: int, samples_per_chip: int) -> Kernels:
     """Make the entry points for an order and a number of samples a chip.
 
     They are closed over two constants alone: the numbers of a chip, and the rows of a block after the first
@@ -190,64 +183,63 @@ def path(order: int, samples_per_chip: int) -> Path:
     chip = 8 if samples_per_chip > 2 else 2 * samples_per_chip
     rows = (1 << order) * chip // avx512_instructions.LANES // avx512_instructions.FIRST_RADIX[chip]
 
-    def run_pairs(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
-        numbers = x.shape[2]
+    def add_pairs(x: Array, before: int, tables: Tables, state: State) -> None:
+        numbers = x.shape[1]
         half = state.staged.size  # bytes
-        for d in range(x.shape[0]):
-            if seen == 0:
-                accumulate.clear(state.power, state.power_total)
-                accumulate.clear(state.samples, state.samples_total)
-            for i in range(0, x.shape[1], 2):
-                together = 2 if i + 1 < x.shape[1] else 1
-                address = x.ctypes.data + 2 * numbers * (d * x.shape[1] + i)
-                if together == 2:
-                    stage_two(address, numbers, state.staged, state.samples)
-                else:
-                    stage_one(x[d, i], state.staged, state.samples_total)
-                for c in range(together):
-                    ahead, staged = address + 2 * numbers * c + AHEAD, state.staged.ctypes.data + half * c
-                    add_staged(rows, ahead, staged, tables.gather.ctypes.data, state.z, state.power)
-                    if (seen + i + c + 1) % accumulate.FLUSH_POWER == 0:
-                        accumulate.flush(state.power, state.power_total)
-                if (i + 2) % accumulate.FLUSH_SAMPLES == 0:
-                    accumulate.flush_permuted(state.samples, tables.number_order, state.samples_total)
-            accumulate.flush_permuted(state.samples, tables.number_order, state.samples_total)
-            if d < correlation.shape[0]:
-                means(chip, rows, seen + x.shape[1], tables, state, correlation[d], power[d])
-
-    def run_int16(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
-        for d in range(x.shape[0]):
-            if seen == 0:
-                accumulate.clear(state.power, state.power_total)
-                accumulate.clear(state.samples, state.samples_total)
-            for i in range(x.shape[1]):
-                for t in range(x.shape[2]):
-                    state.capture[t] = np.float32(x[d, i, t])
-                    state.samples[t] = np.int32(state.samples[t] + np.int32(x[d, i, t]))
-                transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
-                finish_power(chip, rows, state.z, state.power)
-                if (seen + i + 1) % accumulate.FLUSH_POWER == 0:
+        if before == 0:
+            accumulate.clear(state.power, state.power_total)
+            accumulate.clear(state.samples, state.samples_total)
+        for i in range(0, x.shape[0], 2):
+            together = 2 if i + 1 < x.shape[0] else 1
+            address = x.ctypes.data + 2 * numbers * i
+            if together == 2:
+                stage_two(address, numbers, state.staged, state.samples)
+            else:
+                stage_one(x[i], state.staged, state.samples_total)
+            for c in range(together):
+                ahead, staged = address + 2 * numbers * c + AHEAD, state.staged.ctypes.data + half * c
+                add_staged(rows, ahead, staged, tables.gather.ctypes.data, state.z, state.power)
+                if (before + i + c + 1) % accumulate.FLUSH_POWER == 0:
                     accumulate.flush(state.power, state.power_total)
-                if (seen + i + 1) % accumulate.FLUSH_SAMPLES == 0:
-                    accumulate.flush(state.samples, state.samples_total)
-            if d < correlation.shape[0]:
-                means(chip, rows, seen + x.shape[1], tables, state, correlation[d], power[d])
+            if (i + 2) % accumulate.FLUSH_SAMPLES == 0:
+                accumulate.flush_permuted(state.samples, tables.number_order, state.samples_total)
+        accumulate.flush_permuted(state.samples, tables.number_order, state.samples_total)
 
-    def run_float32(x: Array, seen: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
-        for d in range(x.shape[0]):
-            if seen == 0:
-                accumulate.clear(state.power, state.power_total)
-                accumulate.clear(state.samples, state.samples_total)
-            for i in range(x.shape[1]):
-                for t in range(x.shape[2]):
-                    state.capture[t] = x[d, i, t]
-                    state.samples_total[t] += x[d, i, t]
-                transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
-                finish_power(chip, rows, state.z, state.power)
-                if (seen + i + 1) % accumulate.FLUSH_POWER == 0:
-                    accumulate.flush(state.power, state.power_total)
-            if d < correlation.shape[0]:
-                means(chip, rows, seen + x.shape[1], tables, state, correlation[d], power[d])
+    def add_int16(x: Array, before: int, tables: Tables, state: State) -> None:
+        if before == 0:
+            accumulate.clear(state.power, state.power_total)
+            accumulate.clear(state.samples, state.samples_total)
+        for i in range(x.shape[0]):
+            for t in range(x.shape[1]):
+                state.capture[t] = np.float32(x[i, t])
+                state.samples[t] = np.int32(state.samples[t] + np.int32(x[i, t]))
+            transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
+            finish_power(chip, rows, state.z, state.power)
+            if (before + i + 1) % accumulate.FLUSH_POWER == 0:
+                accumulate.flush(state.power, state.power_total)
+            if (before + i + 1) % accumulate.FLUSH_SAMPLES == 0:
+                accumulate.flush(state.samples, state.samples_total)
+
+    def add_float32(x: Array, before: int, tables: Tables, state: State) -> None:
+        if before == 0:
+            accumulate.clear(state.power, state.power_total)
+            accumulate.clear(state.samples, state.samples_total)
+        for i in range(x.shape[0]):
+            for t in range(x.shape[1]):
+                state.capture[t] = x[i, t]
+                state.samples_total[t] += x[i, t]
+            transform_sums(chip, rows, tables.samples_per_chip, state.capture, state.sums, tables.gather, state.z)
+            finish_power(chip, rows, state.z, state.power)
+            if (before + i + 1) % accumulate.FLUSH_POWER == 0:
+                accumulate.flush(state.power, state.power_total)
+
+    def means(count: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
+        spc, stride, positions = tables.samples_per_chip, tables.stride, tables.positions
+        accumulate.mean_power(state.power, state.power_total, count, spc, tables.chip, stride, positions, power)
+        accumulate.mean_capture(state.samples, state.samples_total, count, state.capture)
+        transform_sums(chip, rows, spc, state.capture, state.sums, tables.gather, state.z)
+        finish_transform(chip, rows, state.z)
+        hadamard.unpermute(state.z, chip, positions, spc, tables.polarity, correlation)
 
     def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> None:
         spc, positions = tables.samples_per_chip, tables.positions
@@ -258,8 +250,8 @@ def path(order: int, samples_per_chip: int) -> Path:
             finish_transform(chip, rows, state.z)
             hadamard.unpermute(state.z, chip, positions, spc, tables.polarity, out[i])
 
-    int16 = run_pairs if samples_per_chip == 2 else run_int16
-    # Kernels of different constants must not share a cache file (see `compile`).
-    for kernel in (int16, run_float32, correlate_float32):
+    int16 = add_pairs if samples_per_chip == 2 else add_int16
+    # Kernels of different constants must not share a cache file (see `sounder.kernels.compiler.cache`).
+    for kernel in (int16, add_float32, means, correlate_float32):
         kernel.__qualname__ = f"{kernel.__name__}_{order}_{chip}"
-    return Path(jit(int16), jit(run_float32), jit(correlate_float32))
+    return Kernels(jit(int16), jit(add_float32), jit(means), jit(correlate_float32))

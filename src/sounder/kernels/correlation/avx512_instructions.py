@@ -1,39 +1,49 @@
 """Vector instructions, as functions for compiled code; only this file writes LLVM.
 
 All work on vectors of 16 numbers, 64 bytes, an AVX-512 register, and take addresses. A ``row`` is such a
-vector; what the rows mean is `avx512`'s affair. `available` tells whether this processor has what they need.
+vector; `avx512` says what the rows mean. `available` tells whether numba compiles for a processor that has them.
 """
 
 import os
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import llvmlite.binding as llvm
+import numba
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
-LINE = 64
-LANES = 16
+from sounder.kernels.correlation.tables import LINE
+
+LANES = LINE // 4
+"""Numbers of a register: float32 or int32."""
 I8, I16, I32, I64, F32 = ir.IntType(8), ir.IntType(16), ir.IntType(32), ir.IntType(64), ir.FloatType()
 FLOATS = ir.VectorType(F32, LANES)
 SHORTS = ir.VectorType(I16, 2 * LANES)
 FUSED = ("contract",)
-FIRST_RADIX = {2: 8, 4: 16, 8: 16}  # rows of the first pass, by numbers a chip; the smallest order has no more
+"""Sums and products may be rounded once, in one instruction."""
+FIRST_RADIX = {2: 8, 4: 16, 8: 16}
+"""Rows of the first pass, by numbers a chip; the smallest order has no more."""
 NEEDED = ("avx512f", "avx512bw", "avx512dq", "avx512vl")
+"""Features of the target without which LLVM does not know the instructions here."""
 
 Builder = Any
 Value = Any
 
 
 def available() -> bool:
-    """Tell whether the processor has AVX-512 and ``SOUNDER_PORTABLE_KERNELS`` does not forbid to use it."""
-    if os.environ.get("SOUNDER_PORTABLE_KERNELS", "0") not in ("", "0"):
+    """Tell whether numba compiles for AVX-512 and ``SOUNDER_PORTABLE_KERNELS`` does not forbid to use it.
+
+    What counts is the target, not this machine: ``NUMBA_CPU_NAME=generic`` and ``NUMBA_ENABLE_AVX=0`` have none.
+    """
+    if numba.config.DISABLE_JIT or os.environ.get("SOUNDER_PORTABLE_KERNELS", "0") not in ("", "0"):
         return False
-    return all(llvm.get_host_cpu_features().get(name, False) for name in NEEDED)
+    _triple, _name, features = cpu_target.target_context.codegen().magic_tuple()
+    return {f"+{name}" for name in NEEDED} <= set(features.split(","))
 
 
 def _int(value: int) -> Value:

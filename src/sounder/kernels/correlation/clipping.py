@@ -6,7 +6,8 @@ import numpy.typing as npt
 from sounder.kernels.compiler.compile import jit
 from sounder.kernels.correlation.captures import Captures
 
-PIECE = 1 << 14  # numbers counted at a time: all of them at the ends fit int16
+PIECE = 1 << 14
+"""Numbers counted at a time, fewer than the largest int16: the count of a piece fits int16."""
 
 
 def count_rails(captures: Captures) -> tuple[int, bool]:
@@ -16,6 +17,16 @@ def count_rails(captures: Captures) -> tuple[int, bool]:
     ----------
     captures : array int16 (...)
         I and Q of any number of captures.
+
+    Returns
+    -------
+    count : int
+    signal : bool
+
+    Examples
+    --------
+    >>> count_rails(np.array([[3, -32768], [32767, 0]], np.int16))
+    (2, True)
     """
     flat = np.ascontiguousarray(captures, np.int16).reshape(-1).view()
     flat.flags.writeable = False  # as mapped files are: the kernel is compiled for one type of array
@@ -26,7 +37,7 @@ def count_rails(captures: Captures) -> tuple[int, bool]:
 def _count(flat: npt.NDArray[np.int16]) -> tuple[int, bool]:
     count = 0
     bits = np.int16(0)
-    # sums of int16 stay in vectors of 32; in 64 bits, as numba adds, counting takes four times as long
+    # int16 keeps four times as many numbers in a vector as the int64 that numba adds by default
     for first in range(0, flat.size, PIECE):
         piece = flat[first : first + PIECE]
         rails = np.int16(0)

@@ -2,7 +2,7 @@
 
 The circular correlation of N = 2**m - 1 chips with an m-sequence is a permuted Walsh-Hadamard transform [1]_,
 [2]_: write sample n to row ``input[n]`` of z (row 0 stays zero), transform, and read delay k from row
-``output[k]`` (`mls.permutations`). That is m * 2**m additions and no multiplication.
+``output[k]`` (`sounder.kernels.correlation.permutations`). That is m * 2**m additions and no multiplication.
 
 With ``spc`` samples held per chip, the matched filter of a chip is the running sum over spc samples,
 
@@ -15,8 +15,7 @@ transformed side by side: a row of z holds the 2*spc numbers of a chip, and ever
 References
 ----------
 .. [1] M. Cohn and A. Lempel, "On fast M-sequence transforms", IEEE Trans. Inf. Theory 23(1), 1977.
-.. [2] J. Borish and J. B. Angell, "An efficient algorithm for measuring the impulse response using
-pseudorandom
+.. [2] J. Borish and J. B. Angell, "An efficient algorithm for measuring the impulse response using pseudorandom
    noise", J. Audio Eng. Soc. 31(7), 1983.
 """
 
@@ -28,32 +27,32 @@ Array = Any
 
 
 @part
-def chip_sums(e: Array, spc: int, u: Array) -> None:
-    """Sum the spc samples from each sample on: flat I/Q numbers, e with its beginning repeated behind its end."""
+def chip_sums(capture: Array, spc: int, sums: Array) -> None:
+    """Sum the spc samples from each sample on: flat I/Q; the capture's beginning is repeated behind its end."""
     if spc == 2:
-        for t in range(u.size):
-            u[t] = e[t] + e[t + 2]
+        for t in range(sums.size):
+            sums[t] = capture[t] + capture[t + 2]
         return
-    for t in range(u.size):
-        u[t] = e[t]
+    for t in range(sums.size):
+        sums[t] = capture[t]
     for q in range(1, spc):
-        for t in range(u.size):
-            u[t] += e[t + 2 * q]
+        for t in range(sums.size):
+            sums[t] += capture[t + 2 * q]
 
 
 @part
-def scatter(u: Array, rows: Array, spc: int, stride: int, first: int, z: Array) -> None:
-    """Write chip n (spc complex numbers) to row ``rows[n]`` of z, ``stride`` apart, from ``first``."""
+def scatter(sums: Array, rows: Array, spc: int, stride: int, first: int, z: Array) -> None:
+    """Write chip n (spc complex numbers) to row ``rows[n]`` of z, ``stride`` apart, from ``first`` on."""
     if spc == 2:
         for n in range(rows.size):
             p = stride * rows[n] + first
-            even, odd = u[2 * n], u[2 * n + 1]
+            even, odd = sums[2 * n], sums[2 * n + 1]
             z[p], z[p + 1] = even, odd
         return
     for n in range(rows.size):
         p = stride * rows[n] + first
         for c in range(spc):
-            z[p + c] = u[spc * n + c]
+            z[p + c] = sums[spc * n + c]
 
 
 @part
@@ -78,7 +77,7 @@ def walsh_hadamard(z: Array, row: int) -> None:
 
 @part
 def unpermute(z: Array, stride: int, positions: Array, spc: int, scale: float, out: Array) -> None:
-    """Read the chip of delay k, 2*spc numbers, at ``stride * positions[k]``."""
+    """Read the chip of delay k, 2*spc numbers, at ``stride * positions[k]``, times a scale."""
     width = 2 * spc
     for k in range(positions.size):
         p = stride * positions[k]

@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from erm.common.errors import DataError
 from sounder.kernels.correlation import avx512, avx512_instructions, portable
 from sounder.kernels.correlation.captures import Averages, Captures, flat_captures
 from sounder.kernels.correlation.permutations import permutations
@@ -16,8 +15,11 @@ from sounder.kernels.correlation.reference import walsh_hadamard
 from sounder.kernels.correlation.tables import State
 
 ORDERS = range(7, 16)
+"""Orders of sequences that a sounder description admits."""
 SAMPLES_PER_CHIP = range(1, 5)
-BLOCK = 64  # captures converted at a time
+"""Samples a chip that a sounder description admits."""
+BLOCK = 64
+"""Captures that `MSequenceCorrelator.correlate` converts to float32 at a time: 0.5 MB at order 9; not critical."""
 
 
 class MSequenceCorrelator:
@@ -27,7 +29,7 @@ class MSequenceCorrelator:
     template's own correlation is 1022 at 0, 510 at 1 and -1, -2 elsewhere, for 511 chips of 2 samples.
 
     Captures are int16 (snapshot, sample, 2) or complex64 (snapshot, sample). int16 captures are summed
-    exactly; the transforms are float32, the mean correlation is transformed in float64.
+    exactly; the transforms are float32. Threads may share a correlator.
 
     Parameters
     ----------
@@ -35,59 +37,73 @@ class MSequenceCorrelator:
         m-sequence of order 7 to 15 as 0 and 1, any shift, direction and polarity.
     samples_per_chip : int
         1 to 4.
+
+    Raises
+    ------
+    ValueError
+        The sequence is no m-sequence, or out of this range.
+
+    Examples
+    --------
+    A capture of two snapshots, delayed by 30 samples:
+
+    >>> import numpy as np
+    >>> from sounder.instrument.waveform import m_sequence
+    >>> chips = m_sequence(7, (7, 1, 0))
+    >>> correlator = MSequenceCorrelator(chips, samples_per_chip=2)
+    >>> samples = np.roll(np.repeat(1 - 2 * chips, 2), 30)
+    >>> captures = np.zeros((2, 254, 2), np.int16)
+    >>> captures[..., 0] = samples
+    >>> correlation, power = correlator.average(captures)
+    >>> int(np.argmax(power)), complex(correlation[30])
+    (30, (254+0j))
     """
 
     def __init__(self, chips: npt.ArrayLike, samples_per_chip: int) -> None:
         found = permutations(chips)
         if found.order not in ORDERS or samples_per_chip not in SAMPLES_PER_CHIP:
-            raise DataError(
-                f"sequence: order {found.order} at {samples_per_chip} samples a chip, expected order 7 to 15 "
-                "at 1 to 4; correlate with a template instead"
+            raise ValueError(
+                f"sequence: order {found.order} at {samples_per_chip} samples a chip; expected order 7 to 15 at 1 to 4"
             )
         self._chips = np.asarray(chips, np.int8)
         self.samples = found.input.size * samples_per_chip
         layout = avx512 if avx512_instructions.available() and found.order in avx512.ORDERS else portable
         self._tables = layout.tables(found, samples_per_chip)
-        self._path = layout.path(found.order, samples_per_chip)
+        self._kernels = layout.kernels(found.order, samples_per_chip)
         self._new_state = partial(layout.state, self._tables)
         self._idle: list[State] = []  # a state costs as much to make as 50 captures to average
 
     def __reduce__(self) -> tuple[type, tuple[npt.NDArray[np.int8], int]]:
-        """Travel to other processes as the sequence; machine code stays at home."""
+        """Travel to other processes as the sequence; machine code stays here."""
         return MSequenceCorrelator, (self._chips, self._tables.samples_per_chip)
 
     def average(self, iq: Captures) -> Averages:
         """Average one direction: mean correlation, complex64 (sample,), and mean power, float64 (sample,)."""
-        x = flat_captures(iq, self.samples, dims=2)[np.newaxis]
-        if not x.shape[1]:
-            raise DataError("captures: 0 snapshots in a direction, expected one or more; leave the direction out")
-        correlation = np.empty((1, self.samples), np.complex64)
-        power = np.empty((1, self.samples))
-        with self._borrowed_state() as state:
-            self._run(x, 0, state, correlation, power)
-        return correlation[0], power[0]
+        sums = self.accumulator()
+        sums.add(iq)
+        return sums.result()
 
     def correlate(self, iq: Captures) -> npt.NDArray[np.complex64]:
         """Correlate every capture by itself: complex64 (snapshot, sample)."""
-        x = flat_captures(iq, self.samples, dims=2)
+        x = flat_captures(iq, self.samples)
         out = np.empty((len(x), self.samples), np.complex64)
         flat = out.view(np.float32)
         with self._borrowed_state() as state:
             for first in range(0, len(x), BLOCK):
                 block = x[first : first + BLOCK].astype(np.float32, copy=False)
                 block.flags.writeable = False
-                self._path.correlate_float32(block, self._tables, state, flat[first : first + BLOCK])
+                self._kernels.correlate_float32(block, self._tables, state, flat[first : first + BLOCK])
         return out
 
     def correlate_mean(self, x: npt.ArrayLike) -> npt.NDArray[np.complex128]:
         """Correlate one vector (sample,), such as an averaged capture, in float64: complex128 (sample,)."""
-        avx512 = np.array(x, np.complex128, ndmin=1)
-        if avx512.shape != (self.samples,):
-            raise DataError(
-                f"capture: shape {avx512.shape}, expected ({self.samples},); check order and samples a chip"
+        capture = np.array(x, np.complex128, ndmin=1)
+        if capture.shape != (self.samples,):
+            raise ValueError(
+                f"capture: shape {capture.shape}; expected ({self.samples},); check order and samples a chip"
             )
         chips, spc = self._tables.rows.size, self._tables.samples_per_chip
-        sums = sum(np.roll(avx512, -shift) for shift in range(spc))
+        sums = sum(np.roll(capture, -shift) for shift in range(spc))
         z = np.zeros((chips + 1, spc), complex)
         z[self._tables.rows] = np.reshape(sums, (chips, spc))
         return self._tables.polarity * walsh_hadamard(z)[self._tables.delays].ravel()
@@ -110,34 +126,27 @@ class MSequenceCorrelator:
         except IndexError:
             return self._new_state()
 
-    def _run(self, x: Captures, seen: int, state: State, correlation: Captures, power: Captures) -> None:
-        run = self._path.run_int16 if x.dtype == np.int16 else self._path.run_float32
-        run(x, seen, self._tables, state, correlation.view(np.float32), power)
-
 
 class MSequenceAccumulator:
     """Averages of captures that arrive in blocks; any blocks give the same bits as all captures at once."""
 
     def __init__(self, correlator: MSequenceCorrelator) -> None:
         self.count = 0
-        self._correlator = correlator
+        self._samples, self._tables, self._kernels = correlator.samples, correlator._tables, correlator._kernels
         self._state = correlator._idle_state()
         weakref.finalize(self, correlator._idle.append, self._state)
 
     def add(self, iq: Captures) -> None:
         """Add captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample)."""
-        samples = self._correlator.samples
-        x = flat_captures(iq, samples, dims=2)[np.newaxis]
-        nowhere = np.empty((0, samples), np.complex64), np.empty((0, samples))
-        self._correlator._run(x, self.count, self._state, *nowhere)
-        self.count += x.shape[1]
+        x = flat_captures(iq, self._samples)
+        add = self._kernels.add_int16 if x.dtype == np.int16 else self._kernels.add_float32
+        add(x, self.count, self._tables, self._state)
+        self.count += len(x)
 
     def result(self) -> Averages:
         """Return mean correlation and mean power of all captures so far; more may follow."""
         if not self.count:
-            raise DataError("captures: none were added, expected one or more; check that the recording has snapshots")
-        samples = self._correlator.samples
-        correlation, power = np.empty((1, samples), np.complex64), np.empty((1, samples))
-        nothing = flat_captures(np.empty((1, 0, samples, 2), np.int16), samples, dims=3)
-        self._correlator._run(nothing, self.count, self._state, correlation, power)
-        return correlation[0], power[0]
+            raise ValueError("captures: 0 snapshots; expected one or more")
+        correlation, power = np.empty(self._samples, np.complex64), np.empty(self._samples)
+        self._kernels.means(self.count, self._tables, self._state, correlation.view(np.float32), power)
+        return correlation, power

@@ -5,8 +5,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from erm.common.errors import DataError
-
 IntArray = npt.NDArray[np.int64]
 
 
@@ -25,7 +23,7 @@ class Permutations(NamedTuple):
 
 
 def permutations(chips: npt.ArrayLike) -> Permutations:
-    """Find the permutations of an m-sequence, and refuse a sequence that is none.
+    """Find the permutations of an m-sequence.
 
     The state of the shift register, ``V[n] = sum_j s[n + j] 2**j``, takes every value 1..N once. Because
     ``s`` obeys a linear recurrence, ``s[n - k]`` is a linear function (over GF(2)) of that state; ``L[k]``
@@ -37,16 +35,25 @@ def permutations(chips: npt.ArrayLike) -> Permutations:
         The sequence, 0 and 1, of ``N = 2**order - 1`` chips, any shift, either direction. The complement of
         an m-sequence (one more 0 than 1) is taken as that m-sequence with polarity -1.
 
+    Raises
+    ------
+    ValueError
+        The sequence is no m-sequence, nor the complement of one.
+
     References
     ----------
     M. Cohn and A. Lempel, "On fast M-sequence transforms", IEEE Trans. Inf. Theory 23(1), 1977.
+
+    Examples
+    --------
+    >>> permutations([1, 0, 1])
+    Permutations(order=2, input=array([1, 2, 3]), output=array([1, 3, 2]), polarity=1)
     """
     s = np.asarray(chips)
     order = s.size.bit_length()
     if s.ndim != 1 or s.size != (1 << order) - 1 or order < 2 or not np.isin(s, (0, 1)).all():
-        raise DataError(
-            f"sequence: {s.size} chips with values {np.unique(s)[:4].tolist()}, expected 2**order - 1 chips "
-            "of 0 and 1; correlate with a template instead"
+        raise ValueError(
+            f"sequence: {s.size} chips with values {np.unique(s)[:4].tolist()}; expected 2**order - 1 chips of 0 and 1"
         )
     s = s.astype(np.int64)
     polarity = 1
@@ -60,15 +67,15 @@ def permutations(chips: npt.ArrayLike) -> Permutations:
     # All states visited and s[n - 1] linear in the state at n: that is the linear recurrence, and every lag
     # follows.
     if len(np.unique(state)) != s.size or not np.array_equal(_parity(state & output[1]), np.roll(s, 1)):
-        raise DataError(
-            f"sequence: {s.size} chips that are no m-sequence of order {order} nor the complement of one, "
-            "expected one; correlate with a template instead"
+        raise ValueError(
+            f"sequence: {s.size} chips that are no m-sequence of order {order} and no complement of one; "
+            "correlate with other sequences by scipy.fft"
         )
     return Permutations(order, state, output, polarity)
 
 
 def _parity(words: IntArray) -> IntArray:
-    """Parity of the bits of words below 2**16."""
+    """Return the parity of the bits of words below 2**16."""
     for shift in (8, 4, 2, 1):
         words = words ^ (words >> shift)
     return words & 1

@@ -7,7 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 LINE = 64
-TAIL = 8  # numbers that the sums of the last chip reach beyond the end
+"""Bytes of a cache line, and of the widest vector load."""
+TAIL = 8
+"""Numbers of a capture's beginning that are repeated behind its end: 4 samples of I and Q, the longest chip."""
 
 Array = Any
 
@@ -17,56 +19,85 @@ class Tables(NamedTuple):
 
     The transform is a flat array of float32. The chip of delay k begins ``stride * positions[k]`` numbers
     from its start; where several captures share a stride, each has ``chip`` numbers of it.
+
+    Attributes
+    ----------
+    samples_per_chip, chip, stride : int
+    gather : array
+        Where the path finds the chips of its rows.
+    positions : array (chip,)
+    rows, delays : array (chip,)
+        `Permutations.input` and `Permutations.output`.
+    polarity : float
+    number_order : array (number,)
+        Number of a capture that is summed at each place of `State.samples`; empty if in order.
     """
 
     samples_per_chip: int
     chip: int
     stride: int
-    gather: Array  # where the path finds the chips of its rows
-    positions: Array  # (chips,)
-    rows: Array  # (chips,), Permutations.input
-    delays: Array  # (chips,), Permutations.output
+    gather: Array
+    positions: Array
+    rows: Array
+    delays: Array
     polarity: float
-    number_order: Array  # number of a capture that is summed at each position of State.samples, where permuted
+    number_order: Array
 
 
-class Path(NamedTuple):
-    """Entry points."""
+class Kernels(NamedTuple):
+    """Entry points of one path."""
 
-    run_int16: Callable[..., None]
-    run_float32: Callable[..., None]
+    add_int16: Callable[..., None]
+    add_float32: Callable[..., None]
+    means: Callable[..., None]
     correlate_float32: Callable[..., None]
 
 
 class State(NamedTuple):
-    """Work space and running sums of one thread."""
+    """Work space and running sums of one thread.
 
-    staged: Array  # int16, two captures, wrapped
-    capture: Array  # float32, one capture, wrapped
-    sums: Array  # float32, sums over the samples of a chip
-    z: Array  # float32, the transform; where captures share rows, zero between calls
-    power: Array  # float32, sum of squares of z since the last flush
-    power_total: Array  # float64
-    samples: Array  # int32, sum of the captures since the last flush
-    samples_total: Array  # float64
+    Attributes
+    ----------
+    staged : array int16
+        Two captures, wrapped.
+    capture : array float32
+        One capture, wrapped.
+    sums : array float32
+        Its sums over the samples of a chip.
+    z : array float32
+        The transform; where captures share rows, zero between calls.
+    power, power_total : array float32, float64
+        Sum of the squares of z: since the last flush, and before.
+    samples, samples_total : array int32, float64
+        Sum of the captures: since the last flush, and before.
+    """
+
+    staged: Array
+    capture: Array
+    sums: Array
+    z: Array
+    power: Array
+    power_total: Array
+    samples: Array
+    samples_total: Array
 
 
 def new_state(staged: int, capture: int, sums: int, transform: int, samples: int) -> State:
     """Allocate a state of these sizes, all sums zero."""
     return State(
-        zeros(staged, np.int16),
-        zeros(capture, np.float32),
-        zeros(sums, np.float32),
-        zeros(transform, np.float32),
-        zeros(transform, np.float32),
-        zeros(transform, np.float64),
-        zeros(samples, np.int32),
-        zeros(samples, np.float64),
+        aligned_zeros(staged, np.int16),
+        aligned_zeros(capture, np.float32),
+        aligned_zeros(sums, np.float32),
+        aligned_zeros(transform, np.float32),
+        aligned_zeros(transform, np.float32),
+        aligned_zeros(transform, np.float64),
+        aligned_zeros(samples, np.int32),
+        aligned_zeros(samples, np.float64),
     )
 
 
-def zeros(size: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """Allocate zeros that begin on a cache line, which vector loads and stores want."""
+def aligned_zeros(size: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """Allocate zeros that begin on a cache line: vector loads and stores may need that."""
     kind = np.dtype(dtype)
     memory = np.zeros(size * kind.itemsize + LINE, np.uint8)
     first = -memory.ctypes.data % LINE

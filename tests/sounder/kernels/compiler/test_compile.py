@@ -1,89 +1,101 @@
-"""Where machine code is kept."""
+"""Entry points are compiled, whatever state their cache is in."""
 
-import os
-import stat
-import subprocess
 import sys
-from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
-from sounder.kernels.compiler import compile as compiler
+from sounder.kernels.compiler import cache, compile
 
-COMPILE = """
-import numpy as np
-from sounder.kernels.compiler import compile as compiler
-@compiler.jit
+
+@compile.part
+def twice(x):
+    return 2 * x
+
+
 def double(x):
     for k in range(x.size):
-        x[k] *= 2
-x = np.ones(3)
-double(x)
-assert x.tolist() == [2, 2, 2]
-print(compiler.cache_directory())
-"""
+        x[k] = twice(x[k])
 
 
-def run(script: str, tmp_path: Path, **environment: str) -> str:
-    """Run a script without a home: /proc cannot be written even by an administrator."""
-    kept = {name: os.environ[name] for name in ("PATH", "SYSTEMROOT", "LD_LIBRARY_PATH") if name in os.environ}
-    place = {"HOME": "/proc/nowhere", "TMPDIR": str(tmp_path), **environment}
-    file = tmp_path / "script.py"
-    file.write_text(script)
-    done = subprocess.run(
-        [sys.executable, "-W", "error", str(file)], env=kept | place, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Folder of machine code of this test's own."""
+    for module in (cache, compile):
+        monkeypatch.setattr(module, "cache_directory", lambda: tmp_path)
+    return tmp_path
 
 
-def test_package_is_imported_without_the_compiler(tmp_path):
-    run("import sounder, sys; assert 'numba' not in sys.modules", tmp_path)
+def doubled():
+    """Compile `double`, or load it, and call it; return the entry point."""
+    entry = compile.jit(double)
+    for factor in (2, 4):
+        x = np.ones(3) * (factor / 2)
+        entry(x)
+        np.testing.assert_array_equal(x, factor)
+    return entry
 
 
-@pytest.mark.slow
-def test_without_a_home_the_temporary_directory_serves(tmp_path):
-    directory = Path(run(COMPILE, tmp_path))
-    assert directory.parent == tmp_path
-    assert list(directory.rglob("*.nbc"))
-    assert not directory.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+def hits(entry):
+    """How often numba found machine code in the cache."""
+    return sum(entry.compiled.stats.cache_hits.values())
 
 
-@pytest.mark.slow
-def test_without_any_directory_kernels_are_compiled_anew(tmp_path):
-    script = "import tempfile; tempfile.tempdir = '/proc/nowhere'" + COMPILE
-    assert run(script, tmp_path) == "None"
+def test_what_was_compiled_is_loaded_by_the_next_process(folder):
+    assert cache.kept_files(double) == []
+    assert hits(doubled()) == 0
+    assert {path.suffix for path in cache.kept_files(double)} == {".nbi", ".nbc"}
+    assert hits(doubled()) == 1
 
 
-@pytest.mark.slow
-def test_directories_are_asked_in_order(tmp_path):
-    own, usual = tmp_path / "own", tmp_path / "usual"
-    assert Path(run(COMPILE, tmp_path, XDG_CACHE_HOME=str(usual))).is_relative_to(usual)
-    assert Path(run(COMPILE, tmp_path, NUMBA_CACHE_DIR=str(own), XDG_CACHE_HOME=str(usual))).is_relative_to(own)
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize(
+    "damage", [lambda whole: b"", lambda whole: b"junk", lambda whole: whole[:100]], ids=["empty", "junk", "cut short"]
+)
+def test_damaged_files_are_made_anew(folder, suffix, damage):
+    doubled()
+    (file,) = (path for path in cache.kept_files(double) if path.suffix == suffix)
+    file.write_bytes(damage(file.read_bytes()))
+    assert hits(doubled()) == 0
+    assert hits(doubled()) == 1
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners on this system")
-def test_a_directory_that_others_can_write_is_not_trusted(tmp_path, monkeypatch):
-    open_to_all, private = tmp_path / "a", tmp_path / "b"
-    for directory in (open_to_all, private):
-        directory.mkdir(mode=0o700)
-    open_to_all.chmod(0o777)
-    monkeypatch.setattr(compiler, "_candidates", lambda _name: iter([open_to_all, private]))
-    compiler.cache_directory.cache_clear()
-    try:
-        assert compiler.cache_directory() == private
-    finally:
-        compiler.cache_directory.cache_clear()
+def test_a_disk_that_is_full_costs_only_time(folder, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    doubled()
+    assert cache.kept_files(double) == []
 
 
-@pytest.mark.slow
-def test_processes_that_start_together_get_the_same(tmp_path):
-    file = tmp_path / "script.py"
-    file.write_text(COMPILE)
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    command = [sys.executable, str(file)]
-    together = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(3)]
-    said = [process.communicate()[0].strip() for process in together]
-    later = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
-    assert len({*said, later}) == 1
-    assert len(list(tmp_path.rglob("*.nbc"))) == 1
+def test_without_a_directory_kernels_are_compiled_anew(monkeypatch):
+    for module in (cache, compile):
+        monkeypatch.setattr(module, "cache_directory", lambda: None)
+    doubled()
+
+
+def test_an_error_of_the_kernel_itself_is_raised(folder):
+    with pytest.raises(numba.TypingError):
+        compile.jit(double)("no array")
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_terminal_is_told_once_that_kernels_are_compiled(folder, monkeypatch, capsys, terminal):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    monkeypatch.setattr(compile, "_announced", compile.threading.Event())
+    doubled()
+    assert capsys.readouterr().err == ("compiling, once\n" if terminal else "")
+    for path in cache.kept_files(double):
+        path.unlink()
+    doubled()
+    assert capsys.readouterr().err == ""
+
+
+def test_a_terminal_is_not_told_of_what_is_loaded(folder, monkeypatch, capsys):
+    doubled()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(compile, "_announced", compile.threading.Event())
+    doubled()
+    assert capsys.readouterr().err == ""

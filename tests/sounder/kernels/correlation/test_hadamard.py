@@ -1,0 +1,52 @@
+"""The plain loops against their numpy twins, called as they are written and compiled."""
+
+import numba
+import numpy as np
+import pytest
+
+from sounder.kernels.correlation import hadamard, reference
+
+COLUMNS = 4
+
+
+@numba.njit
+def compiled_walsh_hadamard(z, row):
+    hadamard.walsh_hadamard(z, row)
+
+
+@pytest.mark.parametrize("transform", [hadamard.walsh_hadamard, compiled_walsh_hadamard], ids=["Python", "compiled"])
+@pytest.mark.parametrize("order", [1, 2, 5])  # odd orders end with a pass of radix 2
+def test_the_transform_is_the_sum_over_walsh_functions(transform, order):
+    z = np.random.default_rng(order).integers(-9, 10, (2**order, COLUMNS)).astype(float)
+    flat = z.ravel().copy()
+    transform(flat, COLUMNS)
+    np.testing.assert_array_equal(flat.reshape(z.shape), reference.walsh_hadamard(z))
+
+
+def test_the_twin_is_its_own_inverse():
+    z = np.random.default_rng(1).integers(-9, 10, (16, 3)).astype(float)
+    np.testing.assert_array_equal(reference.walsh_hadamard(reference.walsh_hadamard(z)), 16 * z)
+
+
+@pytest.mark.parametrize("spc", [1, 2, 3, 4])
+def test_chip_sums_are_running_sums_over_a_chip(spc):
+    samples = np.random.default_rng(spc).integers(-9, 10, (12, 2)).astype(float)
+    wrapped = np.concatenate([samples, samples[:4]])
+    sums = np.empty(samples.size)
+    hadamard.chip_sums(wrapped.ravel(), spc, sums)
+    expected = sum(np.roll(samples, -q, axis=0) for q in range(spc))
+    np.testing.assert_array_equal(sums.reshape(-1, 2), expected)
+
+
+@pytest.mark.parametrize("spc", [2, 3])
+def test_what_is_scattered_is_gathered_again(spc):
+    rng = np.random.default_rng(spc)
+    chips, stride = 7, 5
+    rows = rng.permutation(chips) + 1
+    sums = rng.standard_normal((chips * spc, 2)) @ [1, 1j]
+    z = np.zeros(stride * (chips + 1), complex)
+    hadamard.scatter(sums, rows, spc, stride, 1, z)
+    assert not z.reshape(-1, stride)[0].any()
+    out = np.empty(2 * spc * chips)
+    hadamard.unpermute(z.view(float)[2:], 2 * stride, rows, spc, 2.0, out)
+    np.testing.assert_array_equal(out.view(complex), 2 * sums)
