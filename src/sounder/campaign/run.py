@@ -32,7 +32,7 @@ from sounder.processing.pipeline import process
 
 
 def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None) -> CampaignResult:
-    """Make products, MPC table, map, figures and report of a campaign.
+    r"""Make products, MPC table, map, figures and report of a campaign.
 
     Products and figures that exist and would be made the same again are kept. Table, map and report, which take
     seconds, are always made again. Products in the folder that do not belong to the campaign are not used.
@@ -51,10 +51,18 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
 
     Examples
     --------
+    >>> import pathlib, tempfile
     >>> import sounder
-    >>> sounder.run_campaign("absent.toml")
-    Traceback (most recent call last):
-    erm.common.errors.DataError: absent.toml: No such file or directory; expected a TOML file
+    >>> from sounder import shipped
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "street.toml"
+    >>> _ = path.write_text(
+    ...     f"recordings.files = ['{shipped.calibration('recording-132ghz.h5')}']\n"
+    ...     f"recordings.calibration = '{shipped.calibration('back-to-back-132ghz.h5')}'\n"
+    ...     "figures.positions = 'none'"
+    ... )
+    >>> result = sounder.run_campaign(path)
+    >>> sorted(file.name for file in result.out.iterdir())
+    ['figures', 'map.geojson', 'map.h5', 'mpcs.csv', 'products', 'reflection-points.csv', 'report.md']
     """
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign)

@@ -79,10 +79,10 @@ def gather(
     --------
     >>> import sounder
     >>> from sounder import shipped
-    >>> b2b = shipped.calibration("back-to-back-132ghz.h5")
-    >>> jobs, failures = sounder.gather(["absent.h5"], calibration=b2b)
-    >>> jobs, failures
-    ([], ['absent.h5: no such file'])
+    >>> recordings = [shipped.calibration("recording-132ghz.h5"), "absent.h5"]
+    >>> jobs, failures = sounder.gather(recordings, calibration=shipped.calibration("back-to-back-132ghz.h5"))
+    >>> [job.recording.name for job in jobs], failures
+    (['synthetic-two-paths'], ['absent.h5: no such file'])
     """
     calibration, layout, sounder = (None if path is None else Path(path) for path in (calibration, layout, sounder))
     if calibration is not None and not calibration.exists():

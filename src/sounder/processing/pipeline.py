@@ -110,12 +110,13 @@ def process(
 
     Examples
     --------
-    Without jobs there is nothing to do; :func:`sounder.gather` makes jobs.
-
-    >>> import sounder
-    >>> outcome = sounder.process([], "products")
-    >>> outcome.products, outcome.failures
-    ([], [])
+    >>> import sounder, tempfile
+    >>> from sounder import shipped
+    >>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
+    >>> jobs, failures = sounder.gather(recordings, calibration=b2b)
+    >>> outcome = sounder.process(jobs, tempfile.mkdtemp())
+    >>> [product.name for product in outcome.products], outcome.failures
+    (['synthetic-two-paths.h5'], [])
     """
     options = options or Options()
     paths = OutputPaths(Path(out), {path for job in jobs for path in (job.recording.source, job.b2b.source)})

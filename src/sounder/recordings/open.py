@@ -36,6 +36,14 @@ def open_recordings(path: Path | str, sounder: Sounder | None = None) -> list[Re
     ------
     DataError
         There is no such file, or no reader knows its format.
+
+    Examples
+    --------
+    >>> import sounder
+    >>> from sounder import shipped
+    >>> [recording] = sounder.open_recordings(shipped.calibration("recording-132ghz.h5"))
+    >>> recording.tx_position.tolist(), recording.rx_position.tolist()
+    ([30.0, 5.0, 3.0], [0.0, 0.0, 1.5])
     """
     path = Path(path)
     require_file(path)

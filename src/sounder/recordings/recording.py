@@ -53,37 +53,30 @@ class Recording:
 
     Examples
     --------
-    A recording need not come from a file; here every capture is silent:
-
-    >>> import numpy as np
     >>> import sounder
     >>> from sounder import shipped
-    >>> instrument = sounder.load_sounder(shipped.calibration("sounder-132ghz.toml"))
-    >>> silent = sounder.Recording(
-    ...     name="RX1", source=shipped.calibration(), sounder=instrument, azimuth=np.array([0.0, 10.0]),
-    ...     elevation=np.array([0.0]), snapshots=2, tx_position=np.zeros(3), rx_position=np.array([20.0, 0.0, 1.5]),
-    ...     scale_factor=1e-6, agc_gain=np.zeros((2, 1)), valid=np.ones((2, 1), bool), los=-1, time=None,
-    ...     read=lambda a, e, snapshots: np.zeros((2, 1022, 2), np.int16)[snapshots],
-    ... )
-    >>> silent.captures(0, 0).shape
+    >>> [recording] = sounder.open_recordings(shipped.calibration("recording-132ghz.h5"))
+    >>> recording.name, recording.azimuth.size, recording.elevation.size, recording.snapshots
+    ('synthetic-two-paths', 9, 3, 2)
+    >>> recording.captures(7, 1).shape  # snapshots, samples, I and Q at azimuth 10, elevation 0
     (2, 1022, 2)
-    >>> len(silent.missing)  # directions of the scan that were not recorded
-    106
+    >>> recording.missing
+    []
     """
 
     name: str
     source: Path
-    sounder: Sounder
-    azimuth: NDArray[np.float64]
-    elevation: NDArray[np.float64]
+    sounder: Sounder = field(repr=False)
+    azimuth: NDArray[np.float64] = field(repr=False)
+    elevation: NDArray[np.float64] = field(repr=False)
     snapshots: int
     tx_position: NDArray[np.float64]
     rx_position: NDArray[np.float64]
     scale_factor: float
-    agc_gain: NDArray[np.float64]
-    valid: NDArray[np.bool_]
+    agc_gain: NDArray[np.float64] = field(repr=False)
+    valid: NDArray[np.bool_] = field(repr=False)
     los: int
-    time: NDArray[np.float64] | None
+    time: NDArray[np.float64] | None = field(repr=False)
     read: Callable[[int, int, slice], Captures] = field(repr=False)
 
     def captures(self, azimuth_index: int, elevation_index: int, snapshots: slice = slice(None)) -> Captures:
@@ -138,11 +131,11 @@ class BackToBack:
     """
 
     source: Path
-    sounder: Sounder
-    captures: Captures
+    sounder: Sounder = field(repr=False)
+    captures: Captures = field(repr=False)
     scale_factor: float
     attenuation: float
-    s21: tuple[NDArray[np.float64], NDArray[np.complex128]] | None
+    s21: tuple[NDArray[np.float64], NDArray[np.complex128]] | None = field(repr=False)
     includes_tx_antenna: bool
     title: str = "Back-to-back captures"
 
