@@ -32,7 +32,7 @@ class Deembedding:
 
     ``W`` is a raised cosine (Hann) over the band kept, zero outside it and at DC. ``k`` is the ratio of the scales of
     the two recordings over the gain of the transmit antenna. A path of amplitude ``a`` gives a peak of height ``a``
-    and the shape ``pulse``; for any instrument, as long as ``eps`` is small against ``|B|^2``.
+    and the shape ``pulse``. This holds for any instrument, as long as ``eps`` is small against ``|B|^2``.
 
     The sidelobes of the Hann window start at -31 dB and fall by 18 dB an octave: below -70 dB beyond 10 ns for
     1.08 GHz. The nulls of the held chips lie outside the band. DC holds 1/(N+1) of the power of an m-sequence and the

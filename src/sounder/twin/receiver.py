@@ -115,10 +115,8 @@ def record(
 
     def read(a: int, e: int, which: slice) -> Captures:
         rng = np.random.default_rng((*seeds, 1, a, e))
-        captures: Captures = _received_captures(spectra[a, e], float(gain[a, e]), snapshots, sounder, faults, rng)[
-            which
-        ]
-        return captures
+        captures = _received_captures(spectra[a, e], float(gain[a, e]), snapshots, sounder, faults, rng)
+        return captures[which]
 
     return Recording(
         name=name,
