@@ -214,12 +214,11 @@ def open_group(path: Path | str, group: str = "/", expected: str = "a product of
 
     path = Path(path)
     with open_hdf5(path, expected) as file:
-        held = sorted(file)
+        held, kind = sorted(file), file.attrs.get("kind")
         present = group in file
     if not present:
-        what = "holds raw captures" if "iq" in held else f"holds {', '.join(held[:5]) or 'nothing'}"
-        then = "process them first" if "iq" in held else f"expected {expected}"
-        raise DataError(f"{path}: {what} but no group {group}; {then}")
+        what = f"is a {kind}" if isinstance(kind, str) else f"holds {', '.join(held[:5]) or 'nothing'}"
+        raise DataError(f"{path}: {what} and has no group {group}; expected {expected}")
     try:
         with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
             return dataset.load()

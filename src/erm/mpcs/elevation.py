@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MAX_DEVIATION = 3.0
-"""Largest deviation of the measured elevation from the assumed one [standard errors]."""
+"""Largest deviation of the measured elevation from the assumed one [standard errors]; chosen."""
 PATTERN_ERROR = 0.1
 """Error of a change of gain, relative to the change in dB: that of a beamwidth that is wrong by 5 %."""
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 COORDINATES = tuple(f"{end}_{axis}" for end in ("tx", "rx") for axis in "xyz")
 COLUMNS = ("position", "los", *COORDINATES, "frequency", *VALUES)
 """Header of a CSV file; the columns of `OPTIONAL` may follow."""
+PRODUCT = "a product of `sounder process`"
 BLANK_ALLOWED = ("los", "elevation", *OPTIONAL)
 TIMING_TOLERANCE = 1e-9
 """A path may be this much shorter than the direct one: errors of timing and surveying, 0.3 m [s]; chosen."""
@@ -144,13 +145,13 @@ def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     DataError
         The file is missing, is not such a product, or has no positions of the antennas.
     """
-    root, mpc = open_group(path), open_group(path, "mpc")
+    root, mpc = open_group(path, expected=PRODUCT), open_group(path, "/mpc", PRODUCT)
     if missing := [name for name in ("tx_position", "rx_position") if name not in root]:
-        raise DataError(f"{path}: has no {missing[0]}; expected a product of `sounder process`")
+        raise DataError(f"{path}: has no {missing[0]}; expected {PRODUCT}")
     if missing := [name for name in VALUES if name not in mpc]:
-        raise DataError(f"{path}: group /mpc has no {missing[0]}; expected a product of `sounder process`")
+        raise DataError(f"{path}: group /mpc has no {missing[0]}; expected {PRODUCT}")
     if "frequency" not in root.attrs:
-        raise DataError(f"{path}: has no attribute frequency; expected a product of `sounder process`")
+        raise DataError(f"{path}: has no attribute frequency; expected {PRODUCT}")
     names = np.atleast_1d(root["position"].values) if "position" in root else np.array([Path(path).stem])
     if len(names) != 1:
         raise DataError(f"{path}: holds {len(names)} positions; expected one per file, as `sounder process` writes")

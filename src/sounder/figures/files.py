@@ -145,7 +145,9 @@ def write_score(score: Score, out: Path, *, suffix: str = "png") -> list[Path]:
 
 
 def _daps(product: Path) -> tuple[str, xr.Dataset]:
-    daps = open_group(product, "/daps")  # first: its error says what is wrong with a file that is no product
+    daps = open_group(
+        product, "/daps", "a product of `sounder process`"
+    )  # first: its error says what is wrong with a file that is no product
     return str(open_group(product)["position"].values[0]), daps
 
 

@@ -182,8 +182,8 @@ def test_a_product_is_closed_after_reading(tmp_path):
         (None, "/", "no such file"),
         (b"text", "/", "not an HDF5 file; expected a product of this software"),
         (b"", "/", "is empty; make or copy it again"),
-        ("product", "/mpc", "holds cir, none, path, x but no group /mpc; expected a product of this software"),
-        ("captures", "/mpc", "holds raw captures but no group /mpc; process them first"),
+        ("product", "/mpc", "holds cir, none, path, x and has no group /mpc; expected a product of this software"),
+        ("captures", "/mpc", "is a recording and has no group /mpc; expected a product of this software"),
     ],
 )
 def test_what_is_no_product_is_told(tmp_path, content, group, told):
@@ -191,7 +191,7 @@ def test_what_is_no_product_is_told(tmp_path, content, group, told):
     if content == "product":
         write_product(groups(), path)
     elif content == "captures":
-        write_product({"/": xr.Dataset({"iq": ("sample", np.zeros(3))})}, path)
+        write_product({"/": xr.Dataset({"iq": ("sample", np.zeros(3))}, attrs={"kind": "recording"})}, path)
     elif content is not None:
         path.write_bytes(content)
     with pytest.raises(DataError) as error:
