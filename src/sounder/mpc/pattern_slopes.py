@@ -25,15 +25,28 @@ class Cuts(NamedTuple):
 
 
 def slopes(azimuth: Real, elevation: Real, directions: Real, cuts: Cuts) -> Real:
-    """Amplitude pattern (3, ..., beam) toward directions (...) [degree]: itself, by azimuth and by elevation.
+    """Amplitude pattern of beams toward paths, and its derivatives.
 
-    In the frame of an antenna that directions at ``b`` a path at an azimuth and an elevation has
+    In the frame of an antenna that looks at ``b``, a path at an azimuth and an elevation has
 
     ``x = cos e cos(a - a_b) cos e_b + sin e sin e_b``, ``y = cos e sin(a - a_b)``,
     ``z = sin e cos e_b - cos e cos(a - a_b) sin e_b``,
 
-    and the angles ``atan2(y, x)`` and ``asin(z)``, of which the cuts are functions. By one degree. The plain twin is
+    and the angles ``atan2(y, x)`` and ``asin(z)``, of which the cuts are functions. The plain twin is
     :meth:`sounder.instrument.antenna_pattern.Pattern.beam_gain`.
+
+    Parameters
+    ----------
+    azimuth, elevation : array (...)
+        Directions of the paths [degree].
+    directions : array (beam, 2)
+        Where the beams look [degree].
+    cuts : Cuts
+
+    Returns
+    -------
+    array (3, ..., beam)
+        The amplitude relative to boresight, and its derivatives by azimuth and by elevation [1/degree].
     """
     look, tilt = np.radians(directions.T)
     azimuth, up = np.radians(azimuth)[..., None], np.radians(elevation)[..., None]
@@ -41,24 +54,24 @@ def slopes(azimuth: Real, elevation: Real, directions: Real, cuts: Cuts) -> Real
     ahead = cos_up * (np.cos(azimuth) * np.cos(look) + np.sin(azimuth) * np.sin(look))
     y = cos_up * (np.sin(azimuth) * np.cos(look) - np.cos(azimuth) * np.sin(look))
     x, z = ahead * cos_tilt + sin_up * sin_tilt, sin_up * cos_tilt - ahead * sin_tilt
-    across2 = np.maximum(x * x + y * y, 1e-12)
-    across = np.sqrt(across2)
-    beyond = (sin_up * ahead / cos_up, sin_up * y / cos_up)  # less of both by elevation
-    by_turn = -y * cos_tilt, ahead, y * sin_tilt
-    by_up = cos_up * sin_tilt - beyond[0] * cos_tilt, -beyond[1], cos_up * cos_tilt + beyond[0] * sin_tilt
-    gain, slope_azimuth = _cut(cuts.azimuth, np.arctan2(y, x))
-    more, slope_elevation = _cut(cuts.elevation, np.arctan2(z, across))
-    gain = gain + more
+    horizontal2 = np.maximum(x * x + y * y, 1e-12)
+    horizontal = np.sqrt(horizontal2)
+    ahead_loss, y_loss = sin_up * ahead / cos_up, sin_up * y / cos_up  # minus their derivatives by elevation
+    by_azimuth = -y * cos_tilt, ahead, y * sin_tilt
+    by_elevation = cos_up * sin_tilt - ahead_loss * cos_tilt, -y_loss, cos_up * cos_tilt + ahead_loss * sin_tilt
+    gain_azimuth, slope_azimuth = _interpolate(cuts.azimuth, np.arctan2(y, x))
+    gain_elevation, slope_elevation = _interpolate(cuts.elevation, np.arctan2(z, horizontal))
+    gain = gain_azimuth + gain_elevation
     g = np.exp(np.maximum(gain, cuts.floor))
-    rise = np.where(gain > cuts.floor, np.radians(1.0) * g, 0.0)
-    turned, raised = (
-        rise * (slope_azimuth * (x * by[1] - y * by[0]) / across2 + slope_elevation * by[2] / across)
-        for by in (by_turn, by_up)
+    scale = np.where(gain > cuts.floor, np.radians(1.0) * g, 0.0)
+    derivatives = (
+        scale * (slope_azimuth * (x * dy - y * dx) / horizontal2 + slope_elevation * dz / horizontal)
+        for dx, dy, dz in (by_azimuth, by_elevation)
     )
-    return np.stack([g, turned, raised])
+    return np.stack([g, *derivatives])
 
 
-def _cut(table: Real, angle: Real) -> tuple[Real, Real]:
+def _interpolate(table: Real, angle: Real) -> tuple[Real, Real]:
     """Level and its slope at angles [radian], from `cut_table`."""
     last = table.shape[1] - 1
     place = (angle / (2 * np.pi) + 0.5) * last

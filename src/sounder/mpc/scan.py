@@ -195,7 +195,9 @@ class Scan:
             lowest=self.elevation.min() - 2 * self.beamwidth[1],
             highest=self.elevation.max() + 2 * self.beamwidth[1],
             beamwidth=self.beamwidth[1],
-            floor=self.pattern.floor * np.log(10) / 20,
+            floor=self.pattern.floor
+            * np.log(10)
+            / 20,  # differs from `Cuts.floor` in the last bit, which products show
             amplitude_variance=self.filter_.matched_filter.amplitude_variance,
             margin_above=self.pattern_margin,
             margin_below=float(10 ** (self.antenna.margin_below / 20)),
