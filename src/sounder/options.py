@@ -1,7 +1,7 @@
 """Options of processing: what each may be, in one place for functions, campaign files and the command line."""
 
 from dataclasses import dataclass, fields
-from typing import Literal, get_args, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 from erm.common.errors import OptionError
 
@@ -58,6 +58,23 @@ class Options:
     def __post_init__(self) -> None:
         hints = get_type_hints(type(self))
         for field in fields(self):
-            value, choices = getattr(self, field.name), get_args(hints[field.name])
-            if choices and value not in choices:
-                raise OptionError(f"{field.name} is {value!r}; expected one of {', '.join(choices)}")
+            if get_args(hints[field.name]):
+                require_choice(field.name, getattr(self, field.name), hints[field.name])
+
+
+def require_choice(name: str, value: str, choices: Any) -> None:
+    """Check an option of a stage.
+
+    Parameters
+    ----------
+    name, value : str
+    choices : Literal
+        The values it may have.
+
+    Raises
+    ------
+    OptionError
+        It has another.
+    """
+    if value not in get_args(choices):
+        raise OptionError(f"{name} is {value!r}; expected one of {', '.join(get_args(choices))}")

@@ -15,7 +15,7 @@ from sounder.instrument.waveform import chips
 from sounder.kernels.compiler.machine import processors
 from sounder.kernels.correlation.clipping import count_rails
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
-from sounder.options import Averaging
+from sounder.options import Averaging, require_choice
 from sounder.recordings.recording import CLIPPED_SHARE, BackToBack, Captures, Recording, clipped_share
 
 BLOCK_BYTES = 2**20
@@ -140,6 +140,7 @@ def impulse_responses(
     >>> f"{float(strongest.idxmax()) * 1e9:.1f} ns"  # the direct path takes 101.6 ns, the samples are 0.83 ns apart
     '101.7 ns'
     """
+    require_choice("averaging", averaging, Averaging)
     waveform = recording.sounder.waveform
     correlator = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip)
     shape = (recording.azimuth.size, recording.elevation.size)

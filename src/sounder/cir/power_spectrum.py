@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
-from sounder.options import Omnidirectional
+from sounder.options import Omnidirectional, require_choice
 
 NOISE_QUANTILE = 0.25
 """Quantile of the power over delay from which the noise floor is taken; up to three quarters of the delays may hold
@@ -80,6 +80,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
     >>> print(f"{float(spectrum['pdp'].max()):.1f} dB")  # the direct path has a gain of -104.5 dB
     -104.5 dB
     """
+    require_choice("omnidirectional", omnidirectional, Omnidirectional)
     power = np.abs(cir["cir"].values).astype(float) ** 2
     floor = noise_power(power)
     recorded = np.isfinite(floor)

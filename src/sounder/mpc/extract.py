@@ -18,7 +18,7 @@ from sounder.mpc.single_thread import single_thread
 from sounder.mpc.table import tabulate
 from sounder.mpc.two_paths import split_paths
 from sounder.mpc.uncertainty import beam_power, best_beams, variance_inflation
-from sounder.options import Method, Threshold
+from sounder.options import Method, Threshold, require_choice
 
 EFFORT: dict[Method, Effort] = {"sage": Effort(1, 3, 2), "clean": Effort(1, 0, 0), "peaks": Effort(0, 0, 0)}
 
@@ -96,6 +96,8 @@ def extract_mpcs(
     >>> [f"{delay * 1e9:.1f} ns" for delay in mpcs["delay"].values]
     ['101.6 ns', '139.3 ns']
     """
+    require_choice("threshold", threshold, Threshold)
+    require_choice("method", method, Method)
     scan = Scan.of(cir, filter_, sounder, threshold)
     effort = EFFORT[method]
     residual = scan.cir.copy()
