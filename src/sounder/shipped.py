@@ -1,4 +1,4 @@
-"""Files that come with the package: the sounder description, the synthetic calibration and the demo's scene."""
+"""Files that come with the package: a sounder description, its synthetic calibration, a recording, and scenes."""
 
 from pathlib import Path
 
@@ -7,12 +7,24 @@ CHECKOUT = Path(__file__).parents[2]
 
 
 def calibration(name: str = "") -> Path:
-    """Path of a file of the shipped ``calibration`` folder, or of the folder."""
+    """Path of a file in the shipped folder ``calibration``, or of the folder.
+
+    Examples
+    --------
+    >>> calibration("sounder-132ghz.toml").is_file()
+    True
+    """
     return _folder("calibration", CHECKOUT / "calibration") / name
 
 
 def scene(name: str) -> Path:
-    """Path of a shipped scene."""
+    """Path of a shipped scene.
+
+    Examples
+    --------
+    >>> scene("uma.toml").name
+    'uma.toml'
+    """
     return _folder("scenes", CHECKOUT / "examples" / "scenes") / name
 
 

@@ -1,4 +1,4 @@
-"""The twin as a laboratory for studies: paths to captures to MPCs, in memory; see `erm.letter.captures`."""
+"""Simulated captures for the study of the letter, processed in memory; see `erm.letter.captures.Captures`."""
 
 from collections.abc import Callable, Sequence
 
@@ -21,12 +21,12 @@ from sounder.twin.receiver import record
 from sounder.twin.scene import Scene, load_scene
 from sounder.twin.simulate import back_to_back_of, environment_of
 
-ATTENUATION = 60.0
-"""Loss of the back-to-back's attenuator where the shipped one is not measured over the band [dB]."""
+NOMINAL_ATTENUATION = 60.0
+"""Loss of the attenuator in the back-to-back [dB]: the nominal value of the shipped one, outside its measured band."""
 
 
 def campaign(scene: str) -> Campaign:
-    """Campaign of a shipped scene, by its name without suffix."""
+    """Campaign of a shipped scene, given the name of its file without suffix."""
     loaded = load_scene(shipped.scene(f"{scene}.toml"))
     return Campaign(
         name=loaded.name,
@@ -40,14 +40,14 @@ def campaign(scene: str) -> Campaign:
 
 
 def measure(campaign: Campaign, change: Change = UNCHANGED, *, progress: Callable[[], None] | None = None) -> Measured:
-    """Carry the paths of each link through the instrument and its processing.
+    """Make the captures of each link and process them to MPCs.
 
     Raises
     ------
     DataError
-        The change makes no instrument, or nothing of a position can be used.
+        The changed instrument is not valid, or no direction of a position can be used.
     """
-    scene = changed(campaign.instrument, change)
+    scene = apply_change(campaign.instrument, change)
     filter_, mpcs, daps, snr = None, [empty_table()], {}, [np.empty(0)]
     b2b = back_to_back_of(scene)
     for link in campaign.links:
@@ -78,27 +78,27 @@ def measure(campaign: Campaign, change: Change = UNCHANGED, *, progress: Callabl
 
 
 def draw_daps(products: Sequence[tuple[str, xr.Dataset]], axes: PolarAxes) -> PolarAxes:
-    """Draw the DAPS of one or two positions into one polar diagram."""
+    """Draw the DAPS of one or two positions in one polar diagram."""
     return daps_polar(products, axes)
 
 
-def changed(scene: Scene, change: Change) -> Scene:
-    """Scene with another instrument.
+def apply_change(scene: Scene, change: Change) -> Scene:
+    """Scene with a changed instrument.
 
-    A sequence of order ``m`` at ``2**(m - 9)`` times the rate has nearly the same period, so that the longest
-    unambiguous path stays. A wider beam has its gain spread over more angles, ``-10 lg(beamwidth ratio)``.
+    A sequence of order ``m`` at ``2**(m - 9)`` times the rate has nearly the same period, and so the same longest
+    unambiguous path. The gain of a beam changes by ``-10 lg(ratio of beamwidths)``.
 
     Raises
     ------
     DataError
-        The values do not make an instrument; the message names the key.
+        The changed description is not valid. The message names the key.
     """
     sounder = scene.sounder
     tables = sounder.model_dump()
     update: dict[str, object] = {}
     if change.bandwidth is not None:
         _set_bandwidth(tables, sounder, change.bandwidth)
-        update["attenuator"] = ATTENUATION
+        update["attenuator"] = NOMINAL_ATTENUATION
     if change.azimuth_step is not None:
         tables["scan"]["azimuth"] = np.arange(0, 360 - 1e-9, change.azimuth_step).tolist()
     if change.beamwidth is not None:
@@ -107,8 +107,8 @@ def changed(scene: Scene, change: Change) -> Scene:
         antenna |= {"pattern": "gaussian", "cut": None, "hpbw_azimuth": change.beamwidth}
         antenna["gain"] -= 10 * float(np.log10(spread))
     tables["transmitter"]["power"] += change.power
-    if change.power > 0:  # the back-to-back would clip
-        update["attenuator"] = ATTENUATION + change.power
+    if change.power > 0:  # otherwise the back-to-back would clip
+        update["attenuator"] = NOMINAL_ATTENUATION + change.power
     if not change.noise:
         update["faults"] = scene.faults.model_copy(update={"thermal_noise": None})
     if change.snapshots is not None:
@@ -117,7 +117,7 @@ def changed(scene: Scene, change: Change) -> Scene:
 
 
 def _set_bandwidth(tables: dict, sounder: Sounder, bandwidth: float) -> None:
-    """Change the sample rate, and the sequence's order with it."""
+    """Change the sample rate, and the order of the sequence with it."""
     waveform = tables["waveform"]
     ratio = bandwidth / sounder.waveform.sample_rate
     waveform["order"] = sounder.waveform.order + round(float(np.log2(ratio)))
@@ -127,7 +127,7 @@ def _set_bandwidth(tables: dict, sounder: Sounder, bandwidth: float) -> None:
 
 
 def _parameters(scene: Scene) -> dict[str, str]:
-    """Set-up under the names of the letter's Table 1."""
+    """Texts that describe the set-up, under the names of Table 1 of the letter."""
     sounder = scene.sounder
     placed = [scene.transmitters.values(), [one.position for one in scene.receivers]]
     heights = [sorted({place[2] for place in places}) for places in placed]

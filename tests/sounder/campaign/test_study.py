@@ -38,20 +38,20 @@ def test_the_positions_stand_at_the_published_distances(uma):
 @pytest.mark.parametrize("bandwidth", [0.3e9, 0.6e9, 1.2e9, 2.4e9, 4.8e9])
 def test_the_longest_unambiguous_path_stays_when_the_bandwidth_changes(uma, bandwidth):
     # 2**m - 1 chips at a rate in proportion to 2**m: less than a chip of the shortest sequence is lost, 1 in 127
-    scene = study.changed(uma.instrument, Change(bandwidth=bandwidth))
+    scene = study.apply_change(uma.instrument, Change(bandwidth=bandwidth))
     period = uma.instrument.sounder.waveform.period
     assert scene.sounder.waveform.period == pytest.approx(period, rel=1 / 127)
     assert scene.sounder.waveform.sample_rate == bandwidth
 
 
 def test_a_beam_twice_as_wide_has_half_the_gain(uma):
-    plain, wide = (study.changed(uma.instrument, Change(beamwidth=width)).sounder.rx_antenna for width in (10, 20))
+    plain, wide = (study.apply_change(uma.instrument, Change(beamwidth=width)).sounder.rx_antenna for width in (10, 20))
     assert plain.gain - wide.gain == pytest.approx(10 * np.log10(2))
 
 
 def test_a_change_that_makes_no_instrument_is_refused(uma):
     with pytest.raises(DataError, match=r"polynomial|order"):
-        study.changed(uma.instrument, Change(bandwidth=0.1e9))
+        study.apply_change(uma.instrument, Change(bandwidth=0.1e9))
 
 
 @pytest.mark.slow
@@ -67,7 +67,7 @@ def test_merged_walls_keep_the_bars_on_a_part_of_each_route(uma):
     kept = [name for positions in TABLE_2.values() for name in list(positions)[:5]]
     studied = routes.study(uma.at([link for link in uma.links if link.name in kept]), study)
     errors = routes.errors_by_route(studied)
-    found = {route: bar for route, bar in routes.bars(errors).items() if len(errors[route][MERGED])}
+    found = {route: bar for route, bar in routes.improvements(errors).items() if len(errors[route][MERGED])}
     assert set(found) == set(TABLE_2)
     for rmse, times in found.values():
         assert rmse <= 0.05
