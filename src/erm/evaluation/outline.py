@@ -101,13 +101,13 @@ def evaluate_points(
 
 
 def evaluate_mpcs(
-    merged: "xr.Dataset", environment: Environment, outline: FloatArray
+    located: "xr.Dataset", environment: Environment, outline: FloatArray
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Errors of the reflection points of a map, for three ways to compute the points.
 
     Parameters
     ----------
-    merged, environment : xarray.Dataset, Environment
+    located, environment : xarray.Dataset, Environment
         Table and map of `erm.reconstruct`.
     outline : array (segment, 2 ends, 2)
         Known faces [m].
@@ -131,7 +131,7 @@ def evaluate_mpcs(
     >>> {kind: round(errors[kind]["perpendicular"]["rmse"], 2) for kind in errors}
     {'single': 0.0, 'merged': 0.0, 'planar': 0.5}
     """
-    kept = on_walls(merged, environment)
+    kept = on_walls(located, environment)
     path = (kept["tx_position"].values, kept["rx_position"].values, path_length(kept), kept["azimuth"].values)
     planar, _ = reflection_point(*path, planar=True)
     points = {"single": kept["reflection_point"].values, "merged": kept["wall_point"].values, "planar": planar}
@@ -157,10 +157,10 @@ def specular_points(tx: FloatArray, rx: FloatArray, faces: FloatArray) -> FloatA
     return rx[:, :2] + share[:, None] * (image - rx[:, :2])
 
 
-def on_walls(merged: "xr.Dataset", environment: Environment) -> "xr.Dataset":
+def on_walls(located: "xr.Dataset", environment: Environment) -> "xr.Dataset":
     """MPCs of `erm.reconstruct` that walls reflected: the accepted ones without those of poles."""
-    is_wall = np.r_[environment.reflectors["kind"].values == "wall", False]  # the last for index -1, none
-    return merged.isel(mpc=np.flatnonzero(is_wall[merged["wall"].values]))
+    is_wall = np.r_[environment.reflectors["kind"].values == "wall", False]  # the last is for index -1, no wall
+    return located.isel(mpc=np.flatnonzero(is_wall[located["wall"].values]))
 
 
 def evaluate_walls(

@@ -145,9 +145,8 @@ def write_score(score: Score, out: Path, *, suffix: str = "png") -> list[Path]:
 
 
 def _daps(product: Path) -> tuple[str, xr.Dataset]:
-    daps = open_group(
-        product, "/daps", "a product of `sounder process`"
-    )  # first: its error says what is wrong with a file that is no product
+    # opened first: its error says what is wrong with other files
+    daps = open_group(product, "/daps", "a product of `sounder process`")
     return str(open_group(product)["position"].values[0]), daps
 
 
