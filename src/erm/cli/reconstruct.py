@@ -55,14 +55,14 @@ def reconstruct(
     from erm.maps.formats import require_format, write_map
     from erm.mpcs.files import read_mpcs
     from erm.mpcs.reflection_points import write_reflection_points
-    from erm.reconstruction.extend import added, read_members, with_images
+    from erm.reconstruction.extend import add_mpcs, read_map_mpcs, with_images
     from erm.reconstruction.make_map import make_map
 
     require_format(out)
     table, problems = read_mpcs(mpcs)
     if problems and not table.sizes["mpc"]:
         console.report_failures([*problems, f"{out}: not written; no file holds a usable MPC"])
-    table, start = added(*read_members(add_to), table) if add_to else (table, None)
+    table, start = add_mpcs(*read_map_mpcs(add_to), table) if add_to else (table, None)
     environment, located = make_map(
         table,
         history="erm reconstruct",
@@ -109,12 +109,12 @@ def _print_reflectors(environment: "Environment") -> None:
 
 
 def _print_summary(environment: "Environment", located: "xr.Dataset", out: Path, min_support: int) -> None:
-    from erm.reconstruction.summary import left_out
+    from erm.reconstruction.summary import explain_unused
 
     kind = environment.reflectors["kind"].values
     found = " and ".join(console.counted(int((kind == thing).sum()), thing) for thing in ("wall", "pole"))
     print(f"{out}: {found} from {int(located['accepted'].sum())} of {located.sizes['mpc']} MPCs")
-    for line in left_out(located, min_support):
+    for line in explain_unused(located, min_support):
         print(line)
     if "delay_std" in located.attrs:
         print(

@@ -13,7 +13,7 @@ from erm.geometry.vertical import angle_difference
 from erm.maps.environment import Environment
 from erm.mpcs.elevation import implied_gain
 from erm.mpcs.selection import links, select
-from erm.reconstruction.model.extent import MOST_MARGIN
+from erm.reconstruction.model.extent import MAX_FRESNEL_MARGIN
 from erm.reconstruction.reconstruct import reconstruct
 from erm.tracing.trace import trace
 
@@ -118,7 +118,7 @@ def leave_one_out(
         frequency = float(held["frequency"].values[0])
         # walls may reflect beyond their reflection points, but block only between them
         longer = resized(environment, beyond, EXTRA_HEIGHT)
-        known = resized(environment, -MOST_MARGIN, -MOST_MARGIN)
+        known = resized(environment, -MAX_FRESNEL_MARGIN, -MAX_FRESNEL_MARGIN)
         paths = trace(longer, *ends, frequency, max_order=max_order, obstacles=known)
         order = np.argsort(-implied_gain(held)[0], kind="stable")[:strongest]
         result.append(compare(held.isel(mpc=order), paths))

@@ -1,6 +1,6 @@
-"""Which components are single reflections: clusters, reflection loss, direct path (Algorithm 1, lines 1-10).
+"""Select the MPCs that may be single reflections: direct path, ground, reflection loss (Algorithm 1, lines 1-10).
 
-Every component keeps its row; it gains its face and the reason for which it was taken or left.
+Every MPC keeps its row and gets its face and the reason why it is selected or not.
 """
 
 from collections.abc import Mapping
@@ -12,10 +12,10 @@ import numpy.typing as npt
 from erm.common.constants import c
 from erm.common.errors import OptionError
 from erm.geometry import vertical
-from erm.geometry.sloped import sloped_covariance, sloped_face
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs import elevation, standard_errors
 from erm.mpcs.clusters import clusters
+from erm.mpcs.faces import elevation_excess, with_faces
 from erm.mpcs.options import Threshold
 from erm.mpcs.reasons import Reason
 from erm.mpcs.table import free_space_gain, path_length
@@ -25,18 +25,22 @@ if TYPE_CHECKING:
 
 BoolArray = npt.NDArray[np.bool_]
 
-CONSISTENT_LOSS = 20.0  # dB; see `select`
-MAX_REFLECTION_LOSS = 12.0  # dB; see `select`
-GAIN_EXCESS = 3.0  # dB; two paths in one resolution cell may add up to more than free space
-DIRECT_DELAY = 1e-9  # s; below this excess a face is tangent to the direct path and cannot be located
-DIRECT_AZIMUTH = 5.0  # degree; half a beam
-SURELY_LONGER = 3.0  # standard errors by which a path must be longer than the direct one
-ELEVATION_TOLERANCE = 3.0  # degree beyond the errors; a scan of few elevations is biased at its edge
-FACE_COLUMNS = (
-    *("normal", "offset", "tilt", "tilt_std", "grazing"),
-    *("reflection_point", "point_covariance", "line_covariance"),
-)
-"""Columns of `with_faces`."""
+CONSISTENT_LOSS = 20.0
+"""Default of ``max_reflection_loss`` for ``consistency`` [dB]; derived in `select`."""
+FIXED_LOSS = 12.0
+"""Default of ``max_reflection_loss`` for ``fixed`` [dB]; derived in `select`."""
+MAX_GAIN_EXCESS = 3.0
+"""Gain above that of free space up to which a path is possible [dB]: two paths in one resolution cell add up."""
+MIN_DELAY_EXCESS = 1e-9
+"""Delay after that of the direct path below which a path counts as direct [s]: its face is tangent to the direct path
+and cannot be located. Chosen; not derived."""
+DIRECT_AZIMUTH = 5.0
+"""Azimuth from the transmitter up to which a path counts as direct [degree]: half a beam of 10 degrees."""
+ELEVATION_TOLERANCE = 3.0
+"""Deviation of elevations that is tolerated beyond their errors [degree]: a scan of few elevations is biased by 2
+degrees beyond its edges, all paths alike."""
+SIGMAS = 3.0
+"""Standard errors within which values agree."""
 
 
 def select(
@@ -51,48 +55,67 @@ def select(
     azimuth_std: float | None = None,
     rx_std: float = 0.0,
 ) -> "xr.Dataset":
-    """Choose the components that may be single bounces off vertical faces, and locate these.
+    """Select the MPCs that may be single reflections off vertical walls, and locate their faces.
 
     Parameters
     ----------
     table : xarray.Dataset
-        MPC table (`erm.mpcs.table`).
+        MPC table (`erm.make_table`).
     threshold : {"consistency", "fixed", "letter"}
-        ``consistency`` keeps all that a single bounce can be, and leaves it to `erm.reconstruction.reconstruct` to see
-        which of them agree between positions. The other two take the strongest component of each cluster only:
-        ``fixed`` keeps reflection losses up to ``max_reflection_loss``, ``letter`` losses below twice the smallest of
-        the scenario (Eq. 4), which one metal or glass face makes too strict for all others.
+        ``consistency`` keeps every MPC that may be a single reflection; `erm.reconstruct` then finds those that agree
+        between positions. The other two keep only the strongest MPC of each cluster: ``fixed`` those with a reflection
+        loss up to ``max_reflection_loss``, ``letter`` those with a loss below twice the smallest one of the scenario
+        (Eq. 4), which one metal or glass wall makes too strict for all others.
     max_reflection_loss : float, optional
-        Loss beyond free space [dB]. Smooth faces lose most at normal incidence: metal 0, glass 7, concrete 8,
+        Loss above free space [dB]. Smooth walls lose most at normal incidence: metal 0, glass 7, concrete 8,
         brick 10, plaster (n = 1.92) 10, wood 17 dB by Fresnel's equations. Default for ``consistency``: wood and
-        3 dB for roughness and gain error, 20 dB. For ``fixed``: plaster and 2 dB, 12 dB; two bounces at 45 degrees
+        3 dB for roughness and gain error, 20 dB. For ``fixed``: plaster and 2 dB, 12 dB; two reflections at 45 degrees
         lose 11 dB or more off concrete and plaster.
     delay_window, azimuth_window : float
-        Half axes of a cluster about its strongest component [s], [degree].
+        Half axes of a cluster about its strongest MPC [s], [degree].
     ground_height : float
         Height of the ground under the antennas [m].
     delay_std, azimuth_std : float
-        Standard errors where the table gives none [s], [degree]. Default: those that the direct paths show
+        Standard errors where the table gives none [s], [degree]. Default: estimated from the direct paths
         (`erm.mpcs.standard_errors`).
     rx_std : float
-        Standard error of each coordinate of the receivers [m], to which those of delays and azimuths are widened: a
-        receiver that stands ``e`` off sees a path longer by ``u.e``, ``u`` the direction away from its arrival, and
-        turned by ``e`` across it over the horizontal length. A wall has one path a receiver, so that its paths' errors
-        are independent; that those of several walls at one receiver are not is not used.
+        Standard error of each coordinate of the receivers [m]. Those of delays and azimuths are widened by it: with the
+        receiver displaced by ``e``, the path is longer by ``u.e``, ``u`` the unit vector away from its arrival, and its
+        azimuth turns by the part of ``e`` across it over the horizontal length. A wall has one path per receiver, so
+        the errors of its paths are independent. The errors of several walls at one receiver are not; this is not used.
 
     Returns
     -------
     xarray.Dataset
         The table with all four ``_std`` columns filled in and, along ``mpc``:
-        ``errors_known`` (false where they were filled in), ``link`` (index of the pair of antennas), ``cluster``,
-        ``reflection_loss`` and ``reflection_loss_std`` [dB], given that the elevation is that of a path off vertical
-        faces (`erm.mpcs.elevation`; ``letter`` takes gains as measured), ``accepted``, ``reason``, ``reflection_point``
-        (mpc, xyz) [m], ``normal`` [degree], ``offset`` [m], ``point_covariance`` (mpc, xyz, xyz_2) [m2] and
-        ``line_covariance`` (mpc, parameter, parameter_2) of (normal, offset), all of a vertical face; ``tilt`` and
-        ``tilt_std`` [degree] of the face, had it any slope (`erm.geometry.sloped`); and ``grazing`` where the path is
-        hardly longer than the direct one, so that these errors mean little. Attributes ``errors_from`` and
-        ``errors_count`` say what they were filled in from. The face is NaN where the path is not longer than the direct
-        one.
+
+        - ``errors_known``: false where the errors were filled in; attributes ``errors_from`` and ``errors_count`` tell
+          from what.
+        - ``link``: index of the pair of antennas. ``cluster``: index of the cluster.
+        - ``reflection_loss``, ``reflection_loss_std`` [dB], at the elevation of a path off vertical walls
+          (`erm.mpcs.elevation`); for ``letter`` from the gains as measured.
+        - ``accepted``, ``reason``: a value of `erm.mpcs.reasons.Reason`.
+        - ``reflection_point`` (mpc, xyz) [m], ``normal`` [degree], ``offset`` [m] of a vertical face, and their
+          covariances ``point_covariance`` (mpc, xyz, xyz_2) [m2] and ``line_covariance`` (mpc, parameter, parameter_2)
+          of (normal, offset). NaN where the path is not longer than the direct one.
+        - ``tilt``, ``tilt_std`` [degree] of a face of any slope (`erm.geometry.sloped`).
+        - ``grazing``: whether the path is hardly longer than the direct one, so that these errors mean little.
+
+    Raises
+    ------
+    OptionError
+        An option has no valid value.
+
+    Examples
+    --------
+    >>> import erm
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+    >>> table = erm.predict(street, (0, 0, 9), (10, -4, 2), 132e9)
+    >>> selected = erm.select(table)
+    >>> selected["reason"].values.tolist()
+    ['direct_path', 'accepted']
+    >>> selected["reflection_point"].values[1].round(2).tolist()
+    [4.17, 10.0, 6.08]
     """
     if threshold not in get_args(Threshold):
         raise OptionError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
@@ -110,22 +133,22 @@ def select(
     if threshold != "letter":
         gain, loss_std = elevation.gain_at_elevation(table, elevation.vertical_face_elevation(table))
         loss = loss + table["path_gain"].values - gain
-    doubt, measured_doubt = (2 * loss_std, 2 * measured_std) if threshold == "consistency" else (0.0, 0.0)
+    margin, measured_margin = (2 * loss_std, 2 * measured_std) if threshold == "consistency" else (0.0, 0.0)
     direct = is_direct(table)
     if max_reflection_loss is None:
-        max_reflection_loss = CONSISTENT_LOSS if threshold == "consistency" else MAX_REFLECTION_LOSS
-    limit = letter_limit(loss, link, strongest, direct) if threshold == "letter" else max_reflection_loss
+        max_reflection_loss = CONSISTENT_LOSS if threshold == "consistency" else FIXED_LOSS
+    limit = letter_loss_limit(loss, link, strongest, direct) if threshold == "letter" else max_reflection_loss
     reasons: Mapping[Reason, BoolArray] = {
         Reason.DIRECT_PATH: direct,
         Reason.NOT_STRONGEST: ~strongest & (threshold != "consistency"),
         Reason.TOO_SHORT: np.isnan(
             vertical.horizontal_length(table["tx_position"], table["rx_position"], path_length(table))
         ),
-        Reason.GROUND_REFLECTION: is_ground_bounce(table, ground_height),
-        Reason.ABOVE_FREE_SPACE: measured + measured_doubt < -GAIN_EXCESS,
-        Reason.LOSS: ~(loss < limit if threshold == "letter" else loss - doubt <= limit),
-        # from that elevation it would be stronger than free space allows: it arrived from elsewhere
-        Reason.ELEVATION: ~fits_vertical_face(table) | (loss + doubt < -GAIN_EXCESS),
+        Reason.GROUND_REFLECTION: is_ground_reflection(table, ground_height),
+        Reason.ABOVE_FREE_SPACE: measured + measured_margin < -MAX_GAIN_EXCESS,
+        Reason.LOSS: ~(loss < limit if threshold == "letter" else loss - margin <= limit),
+        # if its gain at the elevation of a vertical wall exceeds free space, it arrived from another elevation
+        Reason.ELEVATION: ~fits_vertical_wall(table) | (loss + margin < -MAX_GAIN_EXCESS),
     }
     reason = np.full(table.sizes["mpc"], Reason.ACCEPTED, dtype=object)
     for why, holds in reasons.items():
@@ -153,7 +176,7 @@ def select(
 
 
 def links(table: "xr.Dataset") -> npt.NDArray[np.int64]:
-    """Index (mpc,) of the TX-RX pair of each component, numbered as they first appear."""
+    """Index (mpc,) of the TX-RX pair of each MPC, in the order of their first MPCs."""
     ends = np.hstack([table["tx_position"].values, table["rx_position"].values])
     first, place = vertical.distinct_rows(ends)
     return np.argsort(np.argsort(first))[place]
@@ -165,46 +188,39 @@ def reflection_loss(table: "xr.Dataset") -> FloatArray:
 
 
 def is_direct(table: "xr.Dataset") -> BoolArray:
-    """Components (mpc,) that arrive at the delay and bearing of the direct path.
+    """Whether (mpc,) MPCs arrive with the delay and azimuth of the direct path.
 
-    They are found by geometry whether the table flags line of sight or not; where it says there is none they
-    went through or around something, and locate no face either.
+    The flag of line of sight is not used. Where it says that there is none, these MPCs went through or around
+    something and do not locate a wall either.
     """
     tx, rx = table["tx_position"].values, table["rx_position"].values
-    early_enough = np.abs(table["delay"].values - np.linalg.norm(tx - rx, axis=-1) / c) < np.maximum(
-        DIRECT_DELAY, 3 * table["delay_std"].values
-    )
-    return early_enough & _at_bearing_of_transmitter(table)
+    excess = table["delay"].values - np.linalg.norm(tx - rx, axis=-1) / c
+    return (np.abs(excess) < _delay_tolerance(table)) & _at_azimuth_of_transmitter(table)
 
 
-def is_ground_bounce(table: "xr.Dataset", ground_height: float) -> BoolArray:
-    """Components (mpc,) at the transmitter's bearing and the delay of its image below the ground.
+def is_ground_reflection(table: "xr.Dataset", ground_height: float) -> BoolArray:
+    """Whether (mpc,) MPCs arrive with the transmitter's azimuth and the delay of its image below the ground.
 
-    A path that is known to arrive from above the horizon is none.
+    An MPC that certainly arrives from above the horizon is none.
     """
     tx, rx = table["tx_position"].values, table["rx_position"].values
-    climb = tx[:, 2] + rx[:, 2] - 2 * ground_height
-    delay = np.hypot(np.linalg.norm((tx - rx)[:, :2], axis=-1), climb) / c
-    near = np.abs(table["delay"].values - delay) < np.maximum(DIRECT_DELAY, 3 * table["delay_std"].values)
-    from_above = table["elevation"].values > 3 * table["elevation_std"].values
-    return near & _at_bearing_of_transmitter(table) & ~from_above
+    height = tx[:, 2] + rx[:, 2] - 2 * ground_height
+    delay = np.hypot(np.linalg.norm((tx - rx)[:, :2], axis=-1), height) / c
+    near = np.abs(table["delay"].values - delay) < _delay_tolerance(table)
+    from_above = table["elevation"].values > SIGMAS * table["elevation_std"].values
+    return near & _at_azimuth_of_transmitter(table) & ~from_above
 
 
-def fits_vertical_face(table: "xr.Dataset") -> BoolArray:
-    """Components (mpc,) whose elevation is that of a path off vertical faces, ``sin e = (z_tx - z_rx) / L``.
+def fits_vertical_wall(table: "xr.Dataset") -> BoolArray:
+    """Whether (mpc,) the elevation is that of a path off vertical walls, ``sin e = (z_tx - z_rx) / L``.
 
-    That is: whose image is as high as the transmitter, and not in or above a floor or a ceiling. True where the
-    elevation is unknown.
+    The image is then as high as the transmitter, and not in or above a floor or a ceiling. True where the elevation is
+    unknown.
     """
-    return ~(np.abs(rise(table)) > ELEVATION_TOLERANCE + 3 * table["elevation_std"].values)
+    return ~(np.abs(elevation_excess(table)) > ELEVATION_TOLERANCE + SIGMAS * table["elevation_std"].values)
 
 
-def rise(table: "xr.Dataset") -> FloatArray:
-    """Elevation (mpc,) less that of a path off vertical faces [degree]; NaN where it is unknown."""
-    return np.asarray(table["elevation"].values - elevation.vertical_face_elevation(table))
-
-
-def letter_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray) -> float:
+def letter_loss_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray) -> float:
     """Twice the smallest reflection loss of the scenario (Eq. 4) [dB].
 
     At a position with line of sight the smallest loss is that of the direct path, so the second one counts.
@@ -212,13 +228,13 @@ def letter_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolA
     smallest = [np.inf]
     for one in np.unique(link):
         losses = np.sort(loss[(link == one) & strongest])
-        in_sight = bool(np.any(direct & (link == one)))
-        smallest += losses[int(in_sight) : int(in_sight) + 1].tolist()
+        line_of_sight = bool(np.any(direct & (link == one)))
+        smallest += losses[int(line_of_sight) : int(line_of_sight) + 1].tolist()
     return 2 * min(smallest)
 
 
 def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: float | None) -> "xr.Dataset":
-    """The table with every standard error filled in, and what it was filled with in the attributes."""
+    """Return the table with all standard errors filled in; attributes tell from what."""
     found = standard_errors.errors_of_direct_paths(table)
     given = {
         "delay_std": found.delay if delay_std is None else delay_std,
@@ -240,52 +256,22 @@ def _filled(values: FloatArray, value: float) -> FloatArray:
 
 
 def _widened(table: "xr.Dataset", rx_std: float) -> "xr.Dataset":
-    """The table with the standard errors that uncertain places of the receivers make of those it has."""
-    climb = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
-    level = np.sqrt(np.maximum(path_length(table) ** 2 - climb**2, rx_std**2))  # under a mast there is no azimuth
-    turned = np.rad2deg(np.divide(rx_std, level, out=np.zeros_like(level), where=level > 0))
+    """Return the table with standard errors widened for uncertain positions of the receivers."""
+    height = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
+    # right below a transmitter there is no azimuth
+    horizontal = np.sqrt(np.maximum(path_length(table) ** 2 - height**2, rx_std**2))
+    turned = np.rad2deg(np.divide(rx_std, horizontal, out=np.zeros_like(horizontal), where=horizontal > 0))
     wider = {"delay_std": rx_std / c, "azimuth_std": turned}
     return table.assign({name: ("mpc", np.hypot(table[name].values, more)) for name, more in wider.items()})
 
 
-def _at_bearing_of_transmitter(table: "xr.Dataset") -> BoolArray:
-    """Components (mpc,) that arrive from where the transmitter is, seen from above."""
-    bearing = vertical.azimuth_of(table["tx_position"].values - table["rx_position"].values)
-    tolerance = np.maximum(DIRECT_AZIMUTH, 3 * table["azimuth_std"].values)
-    return np.abs(angle_difference(table["azimuth"].values, bearing)) < tolerance
+def _delay_tolerance(table: "xr.Dataset") -> FloatArray:
+    """Difference (mpc,) up to which a delay is equal to a predicted one [s]."""
+    return np.maximum(MIN_DELAY_EXCESS, SIGMAS * table["delay_std"].values)
 
 
-def with_faces(table: "xr.Dataset") -> "xr.Dataset":
-    """The table with the face of each component, were it a single bounce; vertical, and its tilt, were it not."""
-    tx, rx = table["tx_position"].values, table["rx_position"].values
-    path = (tx, rx, path_length(table), table["azimuth"].values)
-    std = (table["delay_std"].values * c, table["azimuth_std"].values)
-    point, normal = vertical.reflection_point(*path)
-    _, offset = vertical.face_line(*path)
-    in_space = (*path, table["elevation"].values)
-    errors = np.stack([*std, table["elevation_std"].values], axis=-1)[:, :, None] ** 2 * np.eye(3)
-    _, slope = sloped_covariance(*in_space, errors)
-    excess = path[2] - np.linalg.norm(tx - rx, axis=-1)
-    columns = {
-        "normal": (normal, "degree", "azimuth of the face normal"),
-        "offset": (offset, "m", "distance of the face from the origin along its normal"),
-        "tilt": (sloped_face(*in_space).tilt, "degree", "elevation of the face normal, were the face of any slope"),
-        "tilt_std": (np.sqrt(slope[:, 1, 1]), "degree", "standard deviation of the tilt"),
-        "grazing": (
-            ~(excess > SURELY_LONGER * std[0]),
-            "1",
-            "hardly longer than the direct path: a face of no use alone",
-        ),
-    }
-    return table.assign(
-        {name: ("mpc", values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
-        | {
-            "reflection_point": (
-                ("mpc", "xyz"),
-                np.column_stack([point, vertical.bounce_height(*path)]),
-                {"units": "m", "long_name": "reflection point if the path bounced once"},
-            ),
-            "point_covariance": (("mpc", "xyz", "xyz_2"), vertical.point_covariance(*path, *std), {"units": "m2"}),
-            "line_covariance": (("mpc", "parameter", "parameter_2"), vertical.line_covariance(*path, *std)),
-        }
-    )
+def _at_azimuth_of_transmitter(table: "xr.Dataset") -> BoolArray:
+    """Whether (mpc,) MPCs arrive from the direction of the transmitter, seen from above."""
+    azimuth = vertical.azimuth_of(table["tx_position"].values - table["rx_position"].values)
+    tolerance = np.maximum(DIRECT_AZIMUTH, SIGMAS * table["azimuth_std"].values)
+    return np.abs(angle_difference(table["azimuth"].values, azimuth)) < tolerance

@@ -1,1 +1,1 @@
-"""Walls and poles from components: common images found, walls told from chains of bounces, extents measured."""
+"""Environment reconstruction: from MPCs to the walls and poles that reflected them."""

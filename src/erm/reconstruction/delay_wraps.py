@@ -1,7 +1,7 @@
-"""Components whose delay may be too short by a period: longer ones are believed where other positions agree.
+"""Wrapped delays: a longer delay is accepted where other positions agree with it.
 
-A sounder that repeats its sequence knows delays modulo the period only. A path far longer than the direct one then
-stands in the table at a wrong delay; whether it does, only geometry can tell.
+A sounder that repeats its sequence measures delays modulo its period. A path that is much longer than the direct one
+then has a wrong delay in the table; only geometry can show whether it has.
 """
 
 from collections.abc import Sequence
@@ -13,168 +13,198 @@ import numpy as np
 from erm.common.constants import c
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.elevation import gain_at_elevation, vertical_face_elevation
-from erm.mpcs.selection import FACE_COLUMNS, GAIN_EXCESS, fits_vertical_face, reflection_loss, with_faces
-from erm.reconstruction.decision.decide import LEAST_ODDS
+from erm.mpcs.faces import FACE_COLUMNS, with_faces
+from erm.mpcs.selection import MAX_GAIN_EXCESS, fits_vertical_wall, reflection_loss
+from erm.reconstruction.decision.decide import MIN_WEAK_LOG_ODDS
 from erm.reconstruction.model.fit import fit_line, misfit
 from erm.reconstruction.model.line import Line, seed_line
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
-from erm.reconstruction.model.ragged import concatenated
+from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.false_alarm import odds_against_chance
+from erm.reconstruction.search.false_alarm import log_odds_against_false_alarm
 from erm.reconstruction.search.greedy import Group
-from erm.reconstruction.search.search import joined
+from erm.reconstruction.search.search import add_uncertain_paths
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FEWEST = 3  # links; two agree on some wall whatever their delays
-TELLING = 13.8  # chi-squared by which another number of periods must fit worse; odds of a thousand
-MOST = 2  # periods; what is longer is weaker than any sounder hears
-CHANGED = ("delay", "reflection_loss", "reflection_loss_std", *FACE_COLUMNS)
+MIN_LINKS = 3
+"""Links of a new group with wrapped delays: two agree on some wall whatever their delays."""
+MIN_CHI_SQUARED_DIFFERENCE = 13.8
+"""Chi-squared by which another number of periods must fit worse, ``2 ln 1000``."""
+MAX_PERIODS = 2
+"""Periods that a delay may be too short by; longer paths are too weak to be received. Chosen; not derived."""
+CHANGED_COLUMNS = ("delay", "reflection_loss", "reflection_loss_std", *FACE_COLUMNS)
+"""Columns of a table that change with the delay."""
 
 
-def with_later(
+def add_wrapped_paths(
     table: "xr.Dataset", measured: Paths, free: BoolArray, paths: Paths, groups: list[Group], min_support: int
 ) -> tuple[Paths, list[Group], "xr.Dataset"]:
-    """The paths and, after them, those that agree with others if their delays wrapped; and the rows of the latter.
+    """Add the paths that agree with others if their delays wrapped.
 
     Parameters
     ----------
     table : xarray.Dataset
-        Selected components, from `erm.mpcs.selection.select`.
+        From `erm.mpcs.selection.select`.
     measured : Paths
-        All of them.
+        All MPCs of the table.
     free : array (mpc,) of bool
-        Those that are neither a direct path nor off the ground.
+        MPCs that are neither a direct path nor a ground reflection.
     paths, groups : Paths, list of Group
-        Those that were searched, and what they agree on.
+        The paths that were searched, and their groups.
+    min_support : int
+
+    Returns
+    -------
+    paths : Paths
+        The paths that were searched, and after them the wrapped ones that agree with others.
+    groups : list of Group
+    wrapped : xarray.Dataset
+        Rows of the latter, as they are with longer delays.
     """
     free = free.copy()
     for group in groups:
-        free[paths.row[group.members]] = False
-    longer, row = _later(table, free)
+        free[paths.row[group.inliers]] = False
+    wrapped, row = _hypotheses(table, free)
     count = len(paths)
     if len(row) < min_support:
-        return paths, groups, longer.isel(mpc=slice(0))
-    hypotheses = replace(Paths.from_table(longer), row=row, transmitter=measured.transmitter[row])
+        return paths, groups, wrapped.isel(mpc=slice(0))
+    hypotheses = replace(Paths.from_table(wrapped), row=row, transmitter=measured.transmitter[row])
     both = Paths.concatenate([measured.take(paths.row), hypotheses])
-    both, grown = joined(paths, groups, both, np.arange(count), min_support)
-    period = np.r_[np.zeros(count), longer["wrap_period"].values * c]
-    groups = _with_hypotheses(both, groups, grown, period, min_support)
-    members = concatenated(group.members for group in groups)
-    used = np.unique(members[members >= count])
+    both, grown = add_uncertain_paths(paths, groups, both, np.arange(count), min_support)
+    period = np.r_[np.zeros(count), wrapped["wrap_period"].values * c]
+    groups = _accepted(both, groups, grown, period, min_support)
+    inliers = concatenate_rows(group.inliers for group in groups)
+    used = np.unique(inliers[inliers >= count])
     kept = np.r_[np.arange(count), used]
-    groups = [Group(group.line, np.searchsorted(kept, group.members)) for group in groups]
-    return both.take(kept), groups, longer.isel(mpc=used - count)
+    groups = [Group(group.line, np.searchsorted(kept, group.inliers)) for group in groups]
+    return both.take(kept), groups, wrapped.isel(mpc=used - count)
 
 
-def unwrapped(
-    table: "xr.Dataset", measured: Paths, longer: "xr.Dataset", walls: Sequence[Wall], count: int
+def with_wrapped_delays(
+    table: "xr.Dataset", measured: Paths, wrapped: "xr.Dataset", walls: Sequence[Wall], count: int
 ) -> tuple["xr.Dataset", Paths]:
-    """The table and its paths, with the delays of ``longer`` where walls took these: paths from ``count`` on."""
+    """Replace the delays of the MPCs that walls explain only with longer ones.
+
+    Parameters
+    ----------
+    table, measured : xarray.Dataset, Paths
+        All MPCs.
+    wrapped : xarray.Dataset
+        From `add_wrapped_paths`.
+    walls : sequence of Wall
+    count : int
+        Number of paths with the delays as measured; they come first.
+
+    Returns
+    -------
+    table : xarray.Dataset
+        With ``periods``, the number of periods added to each delay.
+    measured : Paths
+        All MPCs of this table.
+    """
     periods = np.zeros(table.sizes["mpc"], dtype=np.int64)
-    wrapped = [wall.members >= count for wall in walls]
-    rows = concatenated(wall.paths.row[late] for wall, late in zip(walls, wrapped, strict=True))
+    rows = concatenate_rows(wall.paths.row[wall.inliers >= count] for wall in walls)
     if not len(rows):
         return table.assign(periods=("mpc", periods)), measured
-    chosen = longer.isel(
-        mpc=concatenated(wall.members[late] for wall, late in zip(walls, wrapped, strict=True)) - count
-    )
+    chosen = wrapped.isel(mpc=concatenate_rows(wall.inliers[wall.inliers >= count] for wall in walls) - count)
     periods[rows] = np.round((chosen["delay"].values - table["delay"].values[rows]) / chosen["wrap_period"].values)
-    table = table.assign(periods=("mpc", periods)).assign({name: table[name].copy() for name in CHANGED})
-    for name in CHANGED:
+    table = table.assign(periods=("mpc", periods)).assign({name: table[name].copy() for name in CHANGED_COLUMNS})
+    for name in CHANGED_COLUMNS:
         table[name].values[rows] = chosen[name].values
     return table, Paths.from_table(table)
 
 
-def _later(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", IntArray]:
-    """Components as they are if their delays are too short by one or more periods.
+def _hypotheses(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", IntArray]:
+    """Free MPCs as they are if their delays are too short by one or more periods.
 
     Parameters
     ----------
     table : xarray.Dataset
-        Selected components, from `erm.mpcs.selection.select`.
     free : array (mpc,) of bool
-        Those that nothing explains as they are.
 
     Returns
     -------
-    later : xarray.Dataset
-        Columns of the table; a component may be there more than once, or not: a single reflection neither loses more
-        than ``max_reflection_loss`` nor gains, and arrives at the elevation of a path of that length.
-    row : array (mpc,) of int
+    wrapped : xarray.Dataset
+        Columns of the table. An MPC may be there several times, or not at all: a single reflection loses at most
+        ``max_reflection_loss``, does not gain, and arrives at the elevation of a path of that length.
+    row : array (hypothesis,) of int
         Row of the table of each.
     """
     once = np.flatnonzero(free & np.isfinite(table["wrap_period"].values))
-    rows = np.tile(once, MOST)
-    longer = table.isel(mpc=rows)
-    longer = longer.assign(delay=longer["delay"] + np.repeat(np.arange(1, MOST + 1), len(once)) * longer["wrap_period"])
-    longer = with_faces(longer)
-    gain, std = gain_at_elevation(longer, vertical_face_elevation(longer))
-    loss = reflection_loss(longer) + longer["path_gain"].values - gain
-    longer = longer.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
-    possible = (loss + 2 * std > -GAIN_EXCESS) & (loss <= table.attrs["max_reflection_loss"])
-    kept = np.flatnonzero(possible & fits_vertical_face(longer))
-    return longer.isel(mpc=kept), rows[kept]
+    rows = np.tile(once, MAX_PERIODS)
+    wrapped = table.isel(mpc=rows)
+    periods = np.repeat(np.arange(1, MAX_PERIODS + 1), len(once))
+    wrapped = with_faces(wrapped.assign(delay=wrapped["delay"] + periods * wrapped["wrap_period"]))
+    gain, std = gain_at_elevation(wrapped, vertical_face_elevation(wrapped))
+    loss = reflection_loss(wrapped) + wrapped["path_gain"].values - gain
+    wrapped = wrapped.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
+    possible = (loss + 2 * std > -MAX_GAIN_EXCESS) & (loss <= table.attrs["max_reflection_loss"])
+    kept = np.flatnonzero(possible & fits_vertical_wall(wrapped))
+    return wrapped.isel(mpc=kept), rows[kept]
 
 
-def _with_hypotheses(
+def _accepted(
     paths: Paths, groups: list[Group], grown: list[Group], period: FloatArray, min_support: int
 ) -> list[Group]:
-    """Groups with the later paths that agree with them, and new ones that these make.
+    """Groups with the wrapped paths that agree with them, and new groups of wrapped paths.
 
     Parameters
     ----------
     paths : Paths
-        Those as they were measured, and after them the later ones.
+        Those as measured, and after them the wrapped ones.
     groups : list of Group
-        Of the former; they lose none of these.
+        Of the former. They lose none of these paths.
     grown : list of Group
-        Of all paths, searched from ``groups``. New ones of fewer than ``min_support`` paths as they were measured must
-        have clearly more paths than chance brings together, and fit clearly worse a period earlier or later: receivers
-        on a line with the image agree on it whatever the number of periods.
+        Of all paths, searched from ``groups``. A new group of fewer than ``min_support`` paths as measured must have
+        clearly more paths than by chance, and must fit clearly worse with one period more or less: receivers on a line
+        with the image agree on it with any number of periods.
     period : array (path,)
-        Of the later ones [m], 0 for the others.
+        Of the wrapped paths [m], 0 for the others.
+    min_support : int
     """
     count = np.count_nonzero(period == 0)
     owner = np.full(count, -1)
     for number, group in enumerate(groups):
-        owner[group.members] = number
-    gained: list[IntArray] = [group.members for group in groups]
-    fresh = []
+        owner[group.inliers] = number
+    extended: list[IntArray] = [group.inliers for group in groups]
+    new = []
     for group in grown:
-        as_measured, hypotheses = group.members[group.members < count], group.members[group.members >= count]
+        as_measured, hypotheses = group.inliers[group.inliers < count], group.inliers[group.inliers >= count]
         if not len(hypotheses):
             continue
-        of = np.bincount(owner[as_measured] + 1, minlength=len(groups) + 1)[1:]
-        if of.any():
-            before = gained[np.argmax(of)]
+        shared = np.bincount(owner[as_measured] + 1, minlength=len(groups) + 1)[1:]
+        if shared.any():
+            before = extended[np.argmax(shared)]
             other_links = ~np.isin(paths.link[hypotheses], paths.link[before])
-            gained[np.argmax(of)] = np.r_[before, hypotheses[other_links]]
-        elif len(group.members) >= FEWEST and _told(paths.take(group.members), group.line, period[group.members]):
-            fresh.append(group)
-    asked = [bool(np.count_nonzero(group.members < count) < min_support) for group in fresh]
-    odds = odds_against_chance([Wall(paths, group.line, group.members) for group in fresh], asked)
+            extended[np.argmax(shared)] = np.r_[before, hypotheses[other_links]]
+        elif len(group.inliers) >= MIN_LINKS and _is_period_certain(
+            paths.take(group.inliers), group.line, period[group.inliers]
+        ):
+            new.append(group)
+    asked = [bool(np.count_nonzero(group.inliers < count) < min_support) for group in new]
+    log_odds = log_odds_against_false_alarm([Wall(paths, group.line, group.inliers) for group in new], asked)
     known = [
-        group if len(members) == len(group.members) else Group(fit_line(paths.take(members), group.line), members)
-        for group, members in zip(groups, gained, strict=True)
+        group if len(inliers) == len(group.inliers) else Group(fit_line(paths.take(inliers), group.line), inliers)
+        for group, inliers in zip(groups, extended, strict=True)
     ]
-    return known + [group for group, own in zip(fresh, odds, strict=True) if own >= LEAST_ODDS]
+    return known + [group for group, own in zip(new, log_odds, strict=True) if own >= MIN_WEAK_LOG_ODDS]
 
 
-def _told(paths: Paths, line: Line, period: FloatArray) -> bool:
-    """Whether paths tell by how many periods (path,) [m] those that have any are late."""
+def _is_period_certain(paths: Paths, line: Line, period: FloatArray) -> bool:
+    """Whether one period (path,) [m] more or less, of the paths that have any, fits clearly worse."""
     best = paths.take(np.array([np.argmin(np.where(period > 0, paths.azimuth_std, np.inf))]))
-    limit = _strain(paths, line) + TELLING
+    limit = _chi_squared(paths, line) + MIN_CHI_SQUARED_DIFFERENCE
     for step in (-period, period):
         start = replace(best, length=best.length + np.sign(step.sum()) * period.max())
-        if np.isfinite(start.anchors()).all():
+        if np.isfinite(start.virtual_anchors()).all():
             other = replace(paths, length=paths.length + step)
-            if _strain(other, fit_line(other, seed_line(start))) < limit:
+            if _chi_squared(other, fit_line(other, seed_line(start))) < limit:
                 return False
     return True
 
 
-def _strain(paths: Paths, line: Line) -> float:
-    """Chi-squared of paths against a line that is taken as exact; infinite if one cannot be off it."""
+def _chi_squared(paths: Paths, line: Line) -> float:
+    """Chi-squared of paths against a line that is taken as exact; infinite if an antenna is behind it."""
     return float(np.sum(misfit(paths, line._replace(covariance=np.zeros((2, 2))))))

@@ -1,4 +1,4 @@
-"""From selected components to a map: common images found, walls told from chains of bounces, extents measured."""
+"""From selected MPCs to a map: find common images, tell walls from chains of reflections, measure their extents."""
 
 from itertools import compress
 from typing import TYPE_CHECKING
@@ -8,21 +8,21 @@ import numpy as np
 from erm.common.constants import c
 from erm.maps.environment import Environment
 from erm.mpcs.reasons import Reason
-from erm.mpcs.selection import fits_vertical_face
+from erm.mpcs.selection import fits_vertical_wall
 from erm.reconstruction.assemble import assemble
-from erm.reconstruction.decision.adjust import adjusted
-from erm.reconstruction.decision.decide import Verdict, decide
+from erm.reconstruction.decision.adjust import adjust_walls
+from erm.reconstruction.decision.decide import Decision, decide_walls
 from erm.reconstruction.decision.pieces import Links
-from erm.reconstruction.delay_wraps import unwrapped, with_later
+from erm.reconstruction.delay_wraps import add_wrapped_paths, with_wrapped_delays
 from erm.reconstruction.model.extent import Legs
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
-from erm.reconstruction.model.ragged import concatenated
+from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.poles.poles import find_poles
-from erm.reconstruction.search.bent_facades import unbent
+from erm.reconstruction.search.bent_facades import split_bent_facades
 from erm.reconstruction.search.consensus import find_groups
 from erm.reconstruction.search.greedy import Group
-from erm.reconstruction.search.search import joined, search
+from erm.reconstruction.search.search import add_uncertain_paths, search_groups
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,123 +31,143 @@ if TYPE_CHECKING:
 def reconstruct(
     table: "xr.Dataset", *, min_support: int = 3, max_gap: float = 15.0, start: IntArray | None = None
 ) -> tuple[Environment, "xr.Dataset"]:
-    """Merge the faces of all positions into walls.
+    """Reconstruct the walls and poles that reflected the MPCs of all positions.
 
     Parameters
     ----------
     table : xarray.Dataset
-        Selected components, from `erm.mpcs.selection.select`.
+        Selected MPCs, from `erm.select`.
     min_support : int
-        Fewest antenna pairs whose paths must share a wall. Two faces always agree on some wall within their
-        errors; the third is the first that can contradict, so 3 is the least that is evidence.
+        Fewest antenna pairs that must share a wall. Two paths always agree on some wall within their errors. The third
+        is the first one that can contradict, so 3 is the smallest number that is evidence.
     max_gap : float
-        Reflection points on one line further apart than this are ends of different walls [m].
+        Reflection points on one line further apart than this are on different walls [m].
     start : array (mpc,) of int, optional
-        ``image`` of an earlier result for the rows that it had, `erm.reconstruction.search.search.FRESH` for those
-        that are added to it (`erm.reconstruction.extend`). What agreed before is not searched again; which images are
-        walls is decided anew.
+        ``image`` of an earlier result for the MPCs that it had, `erm.reconstruction.search.search.NEW_MPC` for those
+        that are new (see `erm.reconstruction.extend`). Earlier MPCs are not searched again; which images are walls is
+        decided again.
 
     Returns
     -------
     environment : Environment
-        Best supported wall first. Walls reach one Fresnel zone beyond their outermost reflection points and down
-        to the ground; there is a ground if a bounce off it was seen.
+        The wall with the most MPCs first. Walls reach one Fresnel zone, up to half a metre, beyond their outermost
+        reflection points, and down to the ground. There is a ground if a ground reflection was received.
     table : xarray.Dataset
-        The table with ``image`` (number of the common image that the path points to, a wall's or a chain's, -1 none),
-        ``wall`` (index of the reflector, -1 none), ``wall_point`` (mpc, xyz) [m], where the merged wall reflects this
-        path, and ``periods``, by how many of ``wrap_period`` the ``delay`` is longer than it was given: of components
-        that share a wall with other positions only so (`erm.reconstruction.delay_wraps`). Components without a wall
-        are no longer accepted and say why. Attributes ``delay_std`` [s] and ``azimuth_std`` [degree] are the median
-        errors that the residuals agree with.
+        The table with ``image``, the number of the common image that a path points to, of a wall or a chain, -1 for
+        none; ``wall``, the index of the reflector, -1 for none; ``wall_point`` (mpc, xyz) [m], where the merged wall
+        reflects the path; and ``periods``, the number of ``wrap_period`` added to the ``delay`` of MPCs that share a
+        wall with other positions only so (`erm.reconstruction.delay_wraps`). MPCs without a reflector are no longer
+        ``accepted`` and have another ``reason``. The attributes ``delay_std`` [s] and ``azimuth_std`` [degree] are the
+        median errors that agree with the residuals.
+
+    Examples
+    --------
+    Receivers beside a facade, 10 m north of the transmitter:
+
+    >>> import erm, xarray as xr
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+    >>> receivers = [(10, -4, 2), (14, -2, 2), (18, -5, 2), (22, -3, 2)]
+    >>> table = xr.concat([erm.predict(street, (0, 0, 9), rx, 132e9) for rx in receivers], dim="mpc")
+    >>> environment, located = erm.reconstruct(erm.select(table))
+    >>> walls = environment.reflectors
+    >>> walls["normal"].values.round(3).tolist(), walls["offset"].values.round(3).tolist()
+    ([270.0], [-10.0])
+    >>> int((located["wall"] == 0).sum())
+    4
     """
     measured = Paths.from_table(table)
     rows = np.flatnonzero(table["accepted"].values)
     certain = rows[measured.loss[rows] <= table.attrs["max_reflection_loss"]]
-    known = table["errors_known"].values[certain]
-    before = None if start is None else start[certain]
-    count = table.attrs.get("errors_count", 0)
-    paths, groups = search(measured.take(certain), known, min_support, count, before)
+    paths, groups = search_groups(
+        measured.take(certain),
+        table["errors_known"].values[certain],
+        min_support,
+        table.attrs.get("errors_count", 0),
+        None if start is None else start[certain],
+    )
     if len(certain) < len(rows):
-        paths, groups = joined(paths, groups, measured.take(rows), np.searchsorted(rows, certain), min_support)
-    sure, as_measured = len(paths), len(groups)
+        at = np.searchsorted(rows, certain)
+        paths, groups = add_uncertain_paths(paths, groups, measured.take(rows), at, min_support)
+    count, number_as_measured = len(paths), len(groups)
     free = ~np.isin(table["reason"].values, (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION))
-    paths, groups, longer = with_later(table, measured, free, paths, groups, min_support)
-    left = np.zeros(len(paths), dtype=bool)
-    left[np.searchsorted(rows, certain)] = True  # the others make no wall longer
-    left[concatenated(group.members for group in groups)] = False
-    straight = unbent(paths, groups[:as_measured], left, min_support)
-    groups, as_measured = straight + groups[as_measured:], len(straight)
-
-    def decided() -> Verdict:
-        candidates = [Wall(paths, group.line, group.members) for group in groups]
-        return decide(candidates, _witnesses(paths, groups), lines_of_sight(table), _links(table), max_gap)
-
-    verdict = decided()
-    # what is not believed of delays that nobody measured is no evidence about the others either
-    taken = concatenated(wall.members for wall in verdict.walls)
-    believed = [n < as_measured or bool(np.isin(group.members, taken).all()) for n, group in enumerate(groups)]
-    if not all(believed):
-        groups = list(compress(groups, believed))
-        verdict = decided()
-    table, measured = unwrapped(table, measured, longer, verdict.walls, sure)
-    verdict, chains = _adjusted(table, measured, verdict, paths, max_gap)
-    in_line = [*verdict.walls, *(wall for wall, why in verdict.rejected if why != Reason.CHANCE)]
-    taken = np.concatenate([chains, *(wall.paths.row for wall in in_line)])
-    of_poles = measured.take(_off_poles(table, taken))
-    poles = find_poles(of_poles, verdict.walls, min_support)
-    environment, enriched = assemble(verdict, chains, poles, of_poles, table)
+    paths, groups, wrapped = add_wrapped_paths(table, measured, free, paths, groups, min_support)
+    ungrouped = np.zeros(len(paths), dtype=bool)
+    ungrouped[np.searchsorted(rows, certain)] = True  # the others do not extend a wall
+    ungrouped[concatenate_rows(group.inliers for group in groups)] = False
+    as_measured = split_bent_facades(paths, groups[:number_as_measured], ungrouped, min_support)
+    groups = as_measured + groups[number_as_measured:]
+    decision = _decide(table, paths, groups, max_gap)
+    # groups with longer delays that are not walls are no evidence about other candidates
+    taken = concatenate_rows(wall.inliers for wall in decision.walls)
+    valid = [n < len(as_measured) or bool(np.isin(group.inliers, taken).all()) for n, group in enumerate(groups)]
+    if not all(valid):
+        groups = list(compress(groups, valid))
+        decision = _decide(table, paths, groups, max_gap)
+    table, measured = with_wrapped_delays(table, measured, wrapped, decision.walls, count)
+    decision, chains = _adjust(table, measured, decision, paths, max_gap)
+    candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
+    explained = np.concatenate([chains, *(wall.paths.row for wall in [*decision.walls, *candidates])])
+    pole_paths = measured.take(_may_be_off_poles(table, explained))
+    poles = find_poles(pole_paths, decision.walls, min_support)
+    environment, located = assemble(decision, chains, poles, pole_paths, table)
     image = np.full(table.sizes["mpc"], -1)
     for number, group in enumerate(groups):
-        image[paths.row[group.members[group.members < sure]]] = number
-    enriched = enriched.assign(image=("mpc", image))
+        image[paths.row[group.inliers[group.inliers < count]]] = number
+    located = located.assign(image=("mpc", image))
     if len(paths):
-        typical = {"delay_std": paths.length_std / c, "azimuth_std": paths.azimuth_std}
-        enriched = enriched.assign_attrs({name: float(np.median(std)) for name, std in typical.items()})
-    return environment, enriched
+        errors = {"delay_std": paths.length_std / c, "azimuth_std": paths.azimuth_std}
+        located = located.assign_attrs({name: float(np.median(std)) for name, std in errors.items()})
+    return environment, located
 
 
-def _adjusted(
-    table: "xr.Dataset", measured: Paths, verdict: Verdict, paths: Paths, max_gap: float
-) -> tuple[Verdict, IntArray]:
-    """Walls fitted to the chains of bounces off them, too; and the rows of these, however much they lost.
+def _decide(table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float) -> Decision:
+    """Decide which groups are walls."""
+    candidates = [Wall(paths, group.line, group.inliers) for group in groups]
+    return decide_walls(candidates, _minor_walls(paths, groups), lines_of_sight(table), _links(table), max_gap)
 
-    Not where receivers are uncertain: what these are off by is in a wall's own path and in the chains alike.
+
+def _adjust(
+    table: "xr.Dataset", measured: Paths, decision: Decision, paths: Paths, max_gap: float
+) -> tuple[Decision, IntArray]:
+    """Fit the walls to the chains of reflections off them, too; return the rows of these chains, whatever their loss.
+
+    Not where receivers are uncertain: their errors are in a wall's own paths and in the chains alike.
     """
     if table.attrs.get("rx_std", 0.0) > 0:
-        return verdict, np.empty(0, dtype=np.int64)
-    nowhere = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT)
-    free = ~np.isin(table["reason"].values, nowhere) & fits_vertical_face(table)
-    free[concatenated(wall.paths.row for wall in verdict.walls)] = False
+        return decision, np.empty(0, dtype=np.int64)
+    no_chain = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT)
+    free = ~np.isin(table["reason"].values, no_chain) & fits_vertical_wall(table)
+    free[concatenate_rows(wall.paths.row for wall in decision.walls)] = False
     rest = measured.take(free)
     if len(paths):
         length = float(np.median(paths.length_std / measured.length_std[paths.row]))
         azimuth = float(np.median(paths.azimuth_std / measured.azimuth_std[paths.row]))
         rest = rest.with_errors(rest.length_std * length, rest.azimuth_std * azimuth)
-    walls, rows = adjusted(verdict.walls, rest, max_gap)
-    return verdict._replace(walls=walls), rows
+    walls, rows = adjust_walls(decision.walls, rest, max_gap)
+    return decision._replace(walls=walls), rows
 
 
-def _off_poles(table: "xr.Dataset", taken: IntArray) -> BoolArray:
-    """Components (mpc,) that may be off poles: of each cluster the strongest, if no wall and no chain has it."""
+def _may_be_off_poles(table: "xr.Dataset", explained: IntArray) -> BoolArray:
+    """MPCs (mpc,) that may be off poles: the strongest one of each cluster, unless a wall or a chain explains it."""
     gain, cluster = table["path_gain"].values, table["cluster"].values
     strongest = np.full(cluster.max(initial=-1) + 1, -np.inf)
     np.maximum.at(strongest, cluster, gain)
     possible = np.isin(table["reason"].values, (Reason.ACCEPTED, Reason.LOSS)) & (gain == strongest[cluster])
-    possible[taken] = False
-    return possible & fits_vertical_face(table)
+    possible[explained] = False
+    return possible & fits_vertical_wall(table)
 
 
-def _witnesses(paths: Paths, groups: list[Group]) -> list[Wall]:
-    """Lines that two links share: too few for a wall, enough to explain a chain of bounces by."""
-    left = np.ones(len(paths), dtype=bool)
+def _minor_walls(paths: Paths, groups: list[Group]) -> list[Wall]:
+    """Lines that two links share: too few for a wall, enough to explain a chain of reflections."""
+    free = np.ones(len(paths), dtype=bool)
     for group in groups:
-        left[group.members] = False
-    rest = paths.take(left)
-    return [Wall(rest, group.line, group.members) for group in find_groups(rest, 2)]
+        free[group.inliers] = False
+    rest = paths.take(free)
+    return [Wall(rest, group.line, group.inliers) for group in find_groups(rest, 2)]
 
 
 def lines_of_sight(table: "xr.Dataset") -> Legs:
-    """Direct paths known to be clear."""
+    """Direct paths known to be unobstructed."""
     clear = (table["los"].values == 1) | ((table["reason"].values == Reason.DIRECT_PATH) & (table["los"].values != 0))
     _, first = np.unique(table["link"].values[clear], return_index=True)
     return Legs(table["tx_position"].values[clear][first], table["rx_position"].values[clear][first])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from erm.common.console import counted
 from erm.maps.environment import Environment
-from erm.reconstruction.summary import left_out
+from erm.reconstruction.summary import explain_unused
 
 if TYPE_CHECKING:
     from sounder.campaign.description import Campaign
@@ -85,7 +85,7 @@ class CampaignResult:
         return [
             f"{folder}: {products}; {self.already} of {counted(self.positions, 'position')} kept from an earlier run",
             f"map: {self.reflectors}",
-            *left_out(self.located, self.campaign.map.min_support),
+            *explain_unused(self.located, self.campaign.map.min_support),
             f"report: {folder / REPORT}",
         ]
 

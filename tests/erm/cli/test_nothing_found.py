@@ -35,19 +35,19 @@ def places(count):
 WALL = (90.0, -9.0)
 SHARED = "no wall shared with other positions"
 CASES = {
-    "no MPCs": (empty_table(), ["no components: nothing arrived that could tell of a wall"]),
+    "no MPCs": (empty_table(), ["no MPCs: nothing was received that could locate a wall"]),
     "one MPC": (
         table(places(1), WALL),
-        [f"left out: {SHARED} (1)", "1 antenna pair: a wall needs paths of 3 or more that share it"],
+        [f"not on the map: {SHARED} (1)", "1 antenna pair: a wall needs paths of at least 3"],
     ),
     "two positions": (
         table(places(2), WALL),
-        [f"left out: {SHARED} (2)", "2 antenna pairs: a wall needs paths of 3 or more that share it"],
+        [f"not on the map: {SHARED} (2)", "2 antenna pairs: a wall needs paths of at least 3"],
     ),
-    "all LoS": (table(places(6)), ["left out: direct path (6)"]),
+    "all LoS": (table(places(6)), ["not on the map: direct path (6)"]),
     "one position five times": (
         table(np.repeat(places(1), 5, axis=0), WALL),
-        [f"left out: {SHARED} (5)", "1 antenna pair: a wall needs paths of 3 or more that share it"],
+        [f"not on the map: {SHARED} (5)", "1 antenna pair: a wall needs paths of at least 3"],
     ),
 }
 
@@ -75,4 +75,4 @@ def test_positions_on_a_line_are_a_wall_and_what_is_left_out_is_told(tmp_path: P
         write_mpcs(part, tmp_path / f"{number}.csv")
     assert run("reconstruct", tmp_path / "0.csv", tmp_path / "1.csv", "--out", tmp_path / "map.csv") == 0
     printed = capsys.readouterr().out
-    assert "1 wall and 0 poles from 6 of 12 MPCs\nleft out: direct path (6)\n" in printed
+    assert "1 wall and 0 poles from 6 of 12 MPCs\nnot on the map: direct path (6)\n" in printed

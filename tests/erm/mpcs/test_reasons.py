@@ -17,6 +17,6 @@ def test_no_two_reasons_read_alike():
 
 
 def test_reasons_are_counted_the_most_frequent_first():
-    counts = count_reasons(["loss", "accepted", "loss", "chance"])
-    assert list(counts.items()) == [(Reason.LOSS, 2), (Reason.ACCEPTED, 1), (Reason.CHANCE, 1)]
+    counts = count_reasons(["loss", "accepted", "loss", "false_alarm"])
+    assert list(counts.items()) == [(Reason.LOSS, 2), (Reason.ACCEPTED, 1), (Reason.FALSE_ALARM, 1)]
     assert count_reasons([]) == {}

@@ -1,4 +1,4 @@
-"""Which components may be single reflections: the physics that rules the others out."""
+"""Which MPCs may be single reflections: the physics that excludes the others."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ TOWARD_TX = float(azimuth_of(TX - RX))
 
 
 def table(rows, **columns):
-    """Table of (path length [m], azimuth [degree], loss beyond free space [dB]) at one position."""
+    """Table of (path length [m], azimuth [degree], loss above free space [dB]) at one position."""
     length, azimuth, loss = np.array(rows, dtype=float).T
     gain = 20 * np.log10(c / FREQUENCY / (4 * np.pi * length)) - loss
     return make_table(
@@ -27,19 +27,19 @@ def table(rows, **columns):
     )
 
 
-def test_reflection_loss_is_what_is_lost_beyond_free_space():
+def test_reflection_loss_is_the_loss_above_free_space():
     np.testing.assert_allclose(reflection_loss(table([(100, 10, 7.5), (200, 40, 0.0)])), [7.5, 0.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("los", [-1, 1])
-def test_the_direct_path_is_known_by_delay_and_bearing_flag_or_not(los):
+def test_the_direct_path_is_found_by_delay_and_azimuth_with_or_without_the_flag(los):
     found = select(table([(DIRECT, TOWARD_TX + 3, 0), (DIRECT + 40, 80, 6), (DIRECT + 0.1, 80, 6)], los=los))
     assert found["reason"].values[0] == Reason.DIRECT_PATH
     assert found["reason"].values[1] == Reason.ACCEPTED
     assert found["reason"].values[2] != Reason.DIRECT_PATH  # arrives from elsewhere
 
 
-def test_a_bounce_off_the_ground_is_no_wall():
+def test_a_ground_reflection_is_no_wall():
     length = np.hypot(np.linalg.norm((TX - RX)[:2]), TX[2] + RX[2] - 2 * 0.3)
     rows = [(length, TOWARD_TX + 1, 8)]
     assert select(table(rows), ground_height=0.3)["reason"].item() == Reason.GROUND_REFLECTION
@@ -49,14 +49,14 @@ def test_a_bounce_off_the_ground_is_no_wall():
 
 
 def test_elevation_of_a_wall_is_that_of_the_unfolded_line():
-    climb = np.rad2deg(np.arcsin((TX[2] - RX[2]) / 120))
+    elevation = np.rad2deg(np.arcsin((TX[2] - RX[2]) / 120))
     rows = [(120, 80, 6), (120, 80, 6)]
-    given = table(rows, elevation=[climb + 5, -climb], elevation_std=1.0)
+    given = table(rows, elevation=[elevation + 5, -elevation], elevation_std=1.0)
     given["azimuth"][1] = 140.0
     assert select(given)["reason"].values.tolist() == [Reason.ACCEPTED, Reason.ELEVATION]
 
 
-def test_what_no_reflection_can_do_is_refused():
+def test_what_no_single_reflection_can_be_is_refused():
     rows = [(120, 60, -4), (120, 100, 11.9), (120, 140, 12.1), (DIRECT - 0.2, 220, 6)]
     reasons = select(table(rows), threshold="fixed")["reason"]
     assert reasons.values.tolist() == [
@@ -67,7 +67,7 @@ def test_what_no_reflection_can_do_is_refused():
     ]
 
 
-def test_the_strongest_component_claims_its_neighbours_round_the_circle():
+def test_clusters_continue_across_azimuth_zero():
     rows = [(120, 358.0, 6), (120.5, 3.0, 9), (120.5, 20.0, 9), (130, 358.0, 9)]
     given = table(rows)
     cluster, strongest = clusters(given, links(given), delay_window=5e-9, azimuth_window=10.0)

@@ -1,4 +1,4 @@
-"""Exact paths off walls, by images, with errors drawn."""
+"""Exact paths off walls, by images, with random errors."""
 
 import numpy as np
 from scipy.constants import c
@@ -23,8 +23,8 @@ def bounces(tx, rx, *chain, loss=6.0, height=None):
     for normal, offset in chain:
         image = mirrored(image, normal, offset)
     seen = image - rx[:, :2]
-    climb = tx[:, 2] - rx[:, 2] if height is None else height
-    length = np.hypot(np.linalg.norm(seen, axis=-1), climb)
+    height_difference = tx[:, 2] - rx[:, 2] if height is None else height
+    length = np.hypot(np.linalg.norm(seen, axis=-1), height_difference)
     gain = 20 * np.log10(c / FREQUENCY / (4 * np.pi * length)) - loss
     return {
         "position": np.array([f"RX{x:.6f}" for x in rx[:, 0]]),
@@ -37,7 +37,7 @@ def bounces(tx, rx, *chain, loss=6.0, height=None):
 
 
 def scene(walls=WALLS, txs=TX, rxs=None, delay_std=0.0, azimuth_std=0.0, seed=1):
-    """Table of the single bounces of every antenna pair off every wall, with errors drawn."""
+    """Table of the single reflections of every antenna pair off every wall, with random errors."""
     rxs = route() if rxs is None else rxs
     tx, rx = np.repeat(txs, len(rxs), axis=0), np.tile(rxs, (len(txs), 1))
     return joined([bounces(tx, rx, wall) for wall in walls], delay_std, azimuth_std, seed)
@@ -72,7 +72,7 @@ def paths_of(columns, length_std=0.05, azimuth_std=0.7, loss=6.0):
         loss=np.full(n, loss),
         loss_std=np.zeros(n),
         wavelength=np.full(n, c / FREQUENCY),
-        rise=np.full(n, np.nan),
-        rise_std=np.full(n, np.nan),
+        elevation_excess=np.full(n, np.nan),
+        elevation_std=np.full(n, np.nan),
         row=np.arange(n),
     )

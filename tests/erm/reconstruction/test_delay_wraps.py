@@ -1,4 +1,4 @@
-"""Delays known modulo a period: longer ones are believed where several positions then agree, and only there."""
+"""Delays known modulo a period: longer ones are accepted only where several positions then agree."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ EARLY = 1e-9  # s; before the direct path, where the period of a product begins
 
 
 def square(*, period=PERIOD, known=True, seed=3):
-    """Single bounces and direct paths at twelve places, delays wrapped, with errors."""
+    """Single reflections and direct paths at twelve places, delays wrapped, with errors."""
     rng = np.random.default_rng(seed)
     parts = []
     for number in range(12):
@@ -48,7 +48,7 @@ def offsets(environment):
 
 
 @pytest.mark.slow
-def test_a_far_wall_stands_where_it_is_though_its_delays_wrapped():
+def test_a_far_wall_with_wrapped_delays_is_located():
     environment, located = reconstruct(select(square()))
     assert np.abs(offsets(environment) - 80.0).min() < 0.01
     far = int(np.argmin(np.abs(offsets(environment) - 80.0)))
@@ -61,13 +61,13 @@ def test_a_far_wall_stands_where_it_is_though_its_delays_wrapped():
     np.testing.assert_allclose(located["delay"].values - given, located["periods"].values * PERIOD, atol=1e-15)
 
 
-def test_where_no_period_is_known_delays_are_as_they_are():
+def test_without_a_period_delays_are_not_changed():
     environment, located = reconstruct(select(square(known=False)))
     assert (np.abs(offsets(environment) - 80.0) > 1.0).all()
     assert (located["periods"].values == 0).all()
 
 
-def test_what_may_have_wrapped_and_did_not_is_left_alone():
+def test_delays_that_did_not_wrap_are_not_changed():
     long = square(period=10e-6)
     expected, _ = reconstruct(select(long))
     flagged = long.assign(wrap_period=("mpc", np.where(np.isfinite(long["wrap_period"]), 850e-9, np.nan)))
@@ -84,8 +84,8 @@ def test_two_positions_are_no_evidence_of_a_wrapped_wall():
     assert environment.reflectors.sizes["reflector"] < 2
 
 
-def test_receivers_on_a_line_with_an_image_cannot_tell_how_far_it_is():
-    # too weak for a wall as they are, and strong enough two periods later
+def test_receivers_in_line_with_an_image_do_not_give_its_distance():
+    # too weak for a wall as measured, and strong enough two periods later
     east = np.linspace(10.0, 45.0, 8)
     ends = {"tx_position": [0.0, 0.0, 1.5], "rx_position": np.column_stack([east, np.zeros(8), np.full(8, 1.5)])}
     length = 150.0 - east

@@ -1,1 +1,1 @@
-"""Which images are walls: conflicts, corners, chains of bounces, joint adjustment."""
+"""The decision which common images are walls, and where these stand."""

@@ -1,4 +1,4 @@
-"""Who stands in whose way: the legs of all candidates held against the faces of all, looked up in one tree."""
+"""Conflicts between candidates: the legs of all of them are tested against the faces of all, in one search tree."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -7,26 +7,31 @@ import numpy as np
 import shapely
 
 from erm.geometry.vertical import FloatArray
-from erm.reconstruction.decision.pieces import SOLID_GAP, as_lines, span
+from erm.reconstruction.decision.pieces import plan_lines, span
 from erm.reconstruction.model.extent import (
     CLEARANCE,
-    TELLING,
+    MAX_TESTED_PATHS,
     Footprint,
     Legs,
-    footprint,
     legs_of,
-    stretches,
+    solid_footprint,
     without_strays,
 )
 from erm.reconstruction.model.line import Frame, Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray
 from erm.reconstruction.model.wall import Wall
 
-BEYOND = 25.0  # m; how far beyond its reflection points a wall may go on
-FADE = 8.0  # m; over which the belief that it does falls to 1/e
-TALLER = 3.0  # m; a storey: how much above its reflection points a wall may go on
-NOBODY = -1
-BATCH = 4096  # legs held against faces in one go
+MAX_EXTENSION = 25.0
+"""How far beyond its reflection points a wall may extend [m]. Chosen; not derived."""
+EXTENSION_DECAY = 8.0
+"""Distance beyond its reflection points over which the probability that a wall extends falls to 1/e [m]. Chosen; not
+derived."""
+MAX_EXTRA_HEIGHT = 3.0
+"""How far above its reflection points a wall may extend [m]: one storey."""
+DIRECT_PATH = -1
+"""Owner of the direct paths' legs."""
+BATCH_LEGS = 4096
+"""Legs tested against faces at once. Chosen; not derived."""
 
 
 class Conflicts:
@@ -36,130 +41,143 @@ class Conflicts:
     ----------
     walls : sequence of Wall
         All candidates.
-    sight : Legs
-        Direct paths known to be free.
-    hopeful : array (candidate,) of bool
-        Those that may ever be believed. Of the others it is only asked what contradicts them for certain.
+    lines_of_sight : Legs
+        Direct paths known to be unobstructed.
+    plausible : array (candidate,) of bool
+        Candidates that may be accepted. The others are only tested for what certainly contradicts them.
     """
 
-    def __init__(self, walls: Sequence[Wall], sight: Legs, hopeful: BoolArray) -> None:
-        prints = [footprint(wall, stretches(wall, SOLID_GAP)) for wall, _ in map(without_strays, walls)]
-        seen = np.array([wall.support for wall in walls], dtype=np.int64)
-        walls = [wall.thinned(TELLING) for wall in walls]
+    def __init__(self, walls: Sequence[Wall], lines_of_sight: Legs, plausible: BoolArray) -> None:
+        footprints = [solid_footprint(wall) for wall, _ in map(without_strays, walls)]
+        full = np.array([wall.support for wall in walls], dtype=np.int64)
+        walls = [wall.thinned(MAX_TESTED_PATHS) for wall in walls]
         self.support = np.array([wall.support for wall in walls], dtype=np.int64)
-        self._asked = self.support / seen
-        legs = [sight, *(legs_of(wall) for wall in walls)]
+        self._tested_share = self.support / full
+        legs = [lines_of_sight, *(legs_of(wall) for wall in walls)]
         start, end = (np.vstack(ends) for ends in zip(*legs, strict=True))
-        first = len(sight.start)
-        owner = np.r_[np.full(first, NOBODY), np.repeat(np.arange(len(walls)), 2 * self.support)]
-        all_rows, telling = np.arange(len(owner)), np.flatnonzero(np.r_[hopeful, True][owner])
-        whole = [(number, prints[number]) for number in np.flatnonzero(hopeful).tolist()]
-        pieces = [(number, piece) for number in np.flatnonzero(~hopeful).tolist() for piece in prints[number].pieces()]
-        met = []
-        for faces, beyond, rows in ((whole, BEYOND, all_rows), (pieces, 0.0, telling)):
+        first = len(lines_of_sight.start)
+        owner = np.r_[np.full(first, DIRECT_PATH), np.repeat(np.arange(len(walls)), 2 * self.support)]
+        all_rows, of_plausible = np.arange(len(owner)), np.flatnonzero(np.r_[plausible, True][owner])
+        whole = [(number, footprints[number]) for number in np.flatnonzero(plausible).tolist()]
+        pieces = [
+            (number, piece) for number in np.flatnonzero(~plausible).tolist() for piece in footprints[number].pieces()
+        ]
+        found = []
+        for faces, extension, rows in ((whole, MAX_EXTENSION, all_rows), (pieces, 0.0, of_plausible)):
             number = np.array([number for number, _ in faces], dtype=np.int32)
-            standing = Faces([print_ for _, print_ in faces], beyond)
-            for low in range(0, len(rows) if faces else 0, BATCH):
-                some = rows[low : low + BATCH]
-                leg, face, hard, shade = standing.crossings(Legs(start[some], end[some]))
-                kept = (shade > 0) & (owner[some[leg]] != number[face])
-                met.append((some[leg[kept]], number[face[kept]], hard[kept], shade[kept]))
+            candidates = Faces([one for _, one in faces], extension)
+            for low in range(0, len(rows) if faces else 0, BATCH_LEGS):
+                batch = rows[low : low + BATCH_LEGS]
+                leg, face, certain, probability = candidates.crossings(Legs(start[batch], end[batch]))
+                kept = (probability > 0) & (owner[batch[leg]] != number[face])
+                found.append((batch[leg[kept]], number[face[kept]], certain[kept], probability[kept]))
         nothing = (np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0, bool), np.empty(0))
-        leg, self.face, self.hard, self.shade = (np.concatenate(column) for column in zip(nothing, *met, strict=True))
-        edge = np.r_[first + 2 * (np.cumsum(self.support) - self.support), 0]  # where each one's legs start
+        leg, self._face, self._certain, self._probability = (
+            np.concatenate(column) for column in zip(nothing, *found, strict=True)
+        )
+        edge = np.r_[first + 2 * (np.cumsum(self.support) - self.support), 0]  # where each candidate's legs start
         half = np.r_[self.support, max(first, 1)][owner[leg]]
-        self.owner, place = owner[leg].astype(np.int32), leg - edge[owner[leg]]
-        self.from_rx, self.member = place >= half, (place % half).astype(np.int32)
-        self._by_owner = _slices(self.owner, len(walls))
-        self._by_face = _slices(self.face, len(walls))
+        self._owner, place = owner[leg].astype(np.int32), leg - edge[owner[leg]]
+        self._from_rx, self._path = place >= half, (place % half).astype(np.int32)
+        self._by_owner = _rows_of_each(self._owner, len(walls))
+        self._by_face = _rows_of_each(self._face, len(walls))
 
-    def blocked(self, wall: int, believed: BoolArray) -> float:
-        """Share of a candidate's paths that would have to pass through believed ones."""
+    def blocked_share(self, wall: int, accepted: BoolArray) -> float:
+        """Share of a candidate's paths that would have to pass through accepted ones."""
         rows = self._by_owner[wall]
-        rows = rows[self.hard[rows] & believed[self.face[rows]]]
-        return len(np.unique(self.member[rows])) / self.support[wall]
+        rows = rows[self._certain[rows] & accepted[self._face[rows]]]
+        return len(np.unique(self._path[rows])) / self.support[wall]
 
-    def cuts(self, wall: int, believed: BoolArray) -> float:
-        """Number of direct paths and paths of believed candidates that would have to pass through a candidate.
+    def crossing_paths(self, wall: int, accepted: BoolArray) -> float:
+        """Number of direct paths and paths of accepted candidates that would have to pass through a candidate.
 
-        Direct paths, which are all there, count for the share of its own paths that a candidate was asked with.
+        All direct paths were tested, but of a large candidate only some paths. Direct paths count for this share.
         """
         rows = self._by_face[wall]
-        rows = rows[self.hard[rows]]
-        owner, member = self.owner[rows], self.member[rows]
-        direct = owner == NOBODY
-        others = np.flatnonzero(~direct & believed[owner])
-        most = int(self.support.max(initial=1))
-        paths = np.unique(owner[others].astype(np.int64) * most + member[others])
-        return len(paths) + float(np.count_nonzero(direct) * self._asked[wall])
+        rows = rows[self._certain[rows]]
+        owner, path = self._owner[rows], self._path[rows]
+        direct = owner == DIRECT_PATH
+        others = np.flatnonzero(~direct & accepted[owner])
+        largest = int(self.support.max(initial=1))
+        paths = np.unique(owner[others].astype(np.int64) * largest + path[others])
+        return len(paths) + float(np.count_nonzero(direct) * self._tested_share[wall])
 
-    def shadow(self, wall: int, believed: BoolArray) -> tuple[float, float]:
-        """How far (transmitters', receivers' legs) a candidate is in the shadow that believed ones may cast.
+    def shadowing(self, wall: int, accepted: BoolArray) -> tuple[float, float]:
+        """Probability that accepted candidates obstruct a candidate's legs from transmitters, and from receivers.
 
-        The mean over its paths of ``exp(-d / FADE)``, ``d`` how far beyond the nearest known end of a believed
-        wall a leg would pass through.
+        The mean over its paths of ``exp(-d / EXTENSION_DECAY)``, where a leg would pass at the distance ``d`` beyond
+        the nearest known end of an accepted wall.
         """
         rows = self._by_owner[wall]
-        rows = rows[believed[self.face[rows]]]
-        shade = np.zeros((2, self.support[wall]))
-        np.maximum.at(shade, (self.from_rx[rows].astype(int), self.member[rows]), self.shade[rows])
-        first, second = shade.mean(axis=1)
-        return float(first), float(second)
+        rows = rows[accepted[self._face[rows]]]
+        probability = np.zeros((2, self.support[wall]))
+        np.maximum.at(probability, (self._from_rx[rows].astype(int), self._path[rows]), self._probability[rows])
+        of_tx, of_rx = probability.mean(axis=1)
+        return float(of_tx), float(of_rx)
 
 
 class Faces:
-    """Where candidates are known to stand, and where they may go on.
+    """Where candidates are known to stand, and where they may extend to.
 
     Parameters
     ----------
-    prints : sequence of Footprint
-    beyond : float
-        How far beyond their outermost pieces they may go on [m].
+    footprints : sequence of Footprint
+    extension : float
+        How far beyond their outermost pieces they may extend [m].
     """
 
-    def __init__(self, prints: Sequence[Footprint], beyond: float) -> None:
-        spans = np.array([span(one, beyond) for one in prints]).reshape(-1, 2, 2)
+    def __init__(self, footprints: Sequence[Footprint], extension: float) -> None:
+        spans = np.array([span(one, extension) for one in footprints]).reshape(-1, 2, 2)
         self._tree = shapely.STRtree(shapely.linestrings(spans))
-        self._frames = np.stack(Lines.of([one.line for one in prints]).frames())
-        self._pieces = np.array([len(one.low) for one in prints], dtype=np.int64)
+        self._frames = np.stack(Lines.from_list([one.line for one in footprints]).frames())
+        self._pieces = np.array([len(one.low) for one in footprints], dtype=np.int64)
         most = int(self._pieces.max(initial=1))
-        self._low, self._high, self._top = np.full((3, most, len(prints)), np.nan)
-        for number, (_, *columns) in enumerate(prints):
-            for kept, column in zip((self._low, self._high, self._top), columns, strict=True):
-                kept[: len(column), number] = column
-        self._least = np.nanmin(self._low, axis=0, initial=np.inf) - beyond
-        self._most = np.nanmax(self._high, axis=0, initial=-np.inf) + beyond
+        self._low, self._high, self._top = np.full((3, most, len(footprints)), np.nan)
+        for number, (_, *columns) in enumerate(footprints):
+            for table, column in zip((self._low, self._high, self._top), columns, strict=True):
+                table[: len(column), number] = column
+        self._lowest = np.nanmin(self._low, axis=0, initial=np.inf) - extension
+        self._highest = np.nanmax(self._high, axis=0, initial=-np.inf) + extension
 
     def crossings(self, legs: Legs) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
-        """Pairs (leg, face) that meet, whether they do for certain, and how likely it is that they would."""
-        leg, face = self._tree.query(as_lines(*legs))
+        """Find the legs that cross faces.
+
+        Returns
+        -------
+        leg, face : array (pair,) of int
+        certain : array (pair,) of bool
+            Whether the leg crosses where the face is known to stand.
+        probability : array (pair,)
+            Of the face to extend to where the leg crosses.
+        """
+        leg, face = self._tree.query(plan_lines(*legs))
         start, end = (np.ascontiguousarray(end.T) for end in legs)
         frame = Frame(*(column[face] for column in self._frames))
-        before, after = frame.before(start[0][leg], start[1][leg]), frame.before(end[0][leg], end[1][leg])
+        before = frame.signed_distance_at(start[0][leg], start[1][leg])
+        after = frame.signed_distance_at(end[0][leg], end[1][leg])
         through = np.flatnonzero((np.minimum(before, after) < -CLEARANCE) & (np.maximum(before, after) > CLEARANCE))
         leg, face, before, after = leg[through], face[through], before[through], after[through]
         share = before / (before - after)
         east, north, height = (a[leg] + share * (b[leg] - a[leg]) for a, b in zip(start, end, strict=True))
         nx, ny, _, px, py = (column[face] for column in self._frames)
         place = (north - py) * nx - (east - px) * ny
-        near = np.flatnonzero((place >= self._least[face]) & (place <= self._most[face]))
+        near = np.flatnonzero((place >= self._lowest[face]) & (place <= self._highest[face]))
         leg, face, place, height = leg[near], face[near], place[near], height[near]
-        hard, apart = np.zeros(len(leg), dtype=bool), np.full(len(leg), np.inf)
+        certain, distance = np.zeros(len(leg), dtype=bool), np.full(len(leg), np.inf)
         of = np.arange(len(leg))
         for number, (low, high, top) in enumerate(zip(self._low, self._high, self._top, strict=True)):
             of = of[self._pieces[face[of]] > number]
-            here, there, up = face[of], place[of], height[of]
-            outside = np.maximum(np.maximum(low[here] - there, there - high[here]), 0)
-            above = up - top[here]
-            hard[of] |= (outside == 0) & (above < 0)
-            outside[above >= TALLER] = np.inf
-            apart[of] = np.minimum(apart[of], outside)
-        shade = np.exp(-apart / FADE)
-        return leg, face, hard, shade
+            own, along, up = face[of], place[of], height[of]
+            outside = np.maximum(np.maximum(low[own] - along, along - high[own]), 0)
+            above = up - top[own]
+            certain[of] |= (outside == 0) & (above < 0)
+            outside[above >= MAX_EXTRA_HEIGHT] = np.inf
+            distance[of] = np.minimum(distance[of], outside)
+        return leg, face, certain, np.exp(-distance / EXTENSION_DECAY)
 
 
-def _slices(key: IntArray, count: int) -> list[IntArray]:
-    """Row numbers of each key value 0 .. count - 1."""
+def _rows_of_each(key: IntArray, count: int) -> list[IntArray]:
+    """Row numbers of each value 0 .. count - 1 of a key."""
     order = np.argsort(key, kind="stable")
     edges = np.searchsorted(key[order], np.arange(count + 1))
     return [order[a:b] for a, b in pairwise(edges)]

@@ -1,7 +1,8 @@
-"""Right-angled corners, of which one wall was never seen alone: their double bounces give themselves away.
+"""Right-angled corners of which one wall was never seen alone: their double reflections reveal them.
 
-Two mirrors at a right angle commute, and together turn the plane by half a turn about their corner. So the image lies
-as far beyond the corner as the transmitter before it, whichever wall comes first, and the corner lies on both.
+Two mirrors at a right angle commute. Together they turn the plane by half a turn about their corner. The image
+therefore lies as far beyond the corner as the transmitter lies before it, whichever wall comes first, and the corner
+lies on both walls.
 """
 
 from collections.abc import Sequence
@@ -9,24 +10,32 @@ from collections.abc import Sequence
 import numpy as np
 
 from erm.geometry.vertical import angle_difference, unit
-from erm.reconstruction.model.line import anchors
-from erm.reconstruction.model.loss import loss_error, typical_loss
+from erm.reconstruction.decision.multi_bounce import FACADE_ROUGHNESS
+from erm.reconstruction.model.line import mirror_images
+from erm.reconstruction.model.loss import loss_error, median_loss
 from erm.reconstruction.model.wall import Wall
 
-SHARP = 0.2  # m; a corner known worse than this lies on some wall by accident
-SMOOTH = 2e-3  # m; facades are not mirrors to better than this
-ALONG = 3.0  # degree; a wall turned less than this from another runs along it
-GAIN = 1.0  # dB; two bounces lose no less than the one of them that is known
+MAX_CORNER_ERROR = 0.2
+"""Uncertainty up to which a corner is tested [m]; a less certain one lies on some wall by chance. Chosen; not
+derived."""
+MIN_CORNER_ANGLE = 3.0
+"""Angle below which two walls are parallel [degree]. Chosen; not derived."""
+CORNER_LOSS_TOLERANCE = 1.0
+"""By how much less than its known wall a double reflection may seem to lose [dB]. Chosen; not derived."""
 
 
-def corners_on(walls: Sequence[Wall]) -> list[tuple[int, int]]:
-    """Pairs (one, known) where one is a double bounce off a known wall and a hidden one at right angles to it.
+def corner_pairs(walls: Sequence[Wall]) -> list[tuple[int, int]]:
+    """Find candidates that are double reflections off a known wall and a hidden one at a right angle to it.
 
-    Half-way between transmitter and image is the foot of the perpendicular from the transmitter to a wall that is one.
-    That it falls onto another wall's line within centimetres happens to a real wall by accident only.
+    Halfway between transmitter and image lies the foot of the perpendicular from the transmitter to a wall. For a real
+    wall this point lies on another wall's line, to a few centimetres, by chance only.
+
+    Returns
+    -------
+    list of (candidate, known wall)
     """
     found = []
-    losses = [(typical_loss(wall), loss_error(wall)) for wall in walls]
+    losses = [(median_loss(wall), loss_error(wall)) for wall in walls]
     normals = np.array([wall.line.normal for wall in walls])
     offsets = np.array([wall.line.offset for wall in walls])
     pivots = np.array([wall.line.pivot for wall in walls]).reshape(-1, 2)
@@ -34,26 +43,27 @@ def corners_on(walls: Sequence[Wall]) -> list[tuple[int, int]]:
     support = np.array([wall.support for wall in walls])
     transmitters = [wall.paths.transmitter for wall in walls]
     for one, wall in enumerate(walls):
-        if len(np.unique(transmitters[one])) > 1:  # the image of a chain is not that of a line for other transmitters
+        if len(np.unique(transmitters[one])) > 1:  # a line does not describe a chain for several transmitters
             continue
         tx = wall.paths.tx[0, :2]
-        corner = (tx + anchors(wall.line, tx)) / 2
+        corner = (tx + mirror_images(wall.line, tx)) / 2
         apart = corner - pivots
-        depth = np.sum(unit(normals) * apart, axis=-1) - offsets
+        distance = np.sum(unit(normals) * apart, axis=-1) - offsets
         along = np.sum(unit(normals + 90) * apart, axis=-1)
         slope = np.stack([np.deg2rad(along), -np.ones(len(walls))], axis=-1)
-        known = np.einsum("np,npq,nq->n", slope, covariances, slope)
+        of_known = np.einsum("np,npq,nq->n", slope, covariances, slope)
         n, m = unit(wall.line.normal), unit(wall.line.normal + 90)
-        before = wall.line.offset - float((tx - wall.line.pivot) @ n)
-        # the foot moves along the wall as it turns about the transmitter, and with it
-        turn = np.deg2rad(before * m - float((tx - wall.line.pivot) @ m) * n)
+        from_tx = wall.line.offset - float((tx - wall.line.pivot) @ n)
+        # slope of the foot tx + (o - n.t) n, t = tx - pivot, by the normal
+        turn = np.deg2rad(from_tx * m - float((tx - wall.line.pivot) @ m) * n)
         own = np.stack([unit(normals) @ turn, unit(normals) @ n], axis=-1)
-        spread = known + np.einsum("np,pq,nq->n", own, wall.line.covariance, own)
-        reach = 3 * np.sqrt(spread) + SMOOTH
-        turned = np.abs(angle_difference(2 * normals, 2 * wall.line.normal)) / 2
-        near = (np.abs(depth) < reach) & (reach < SHARP) & (turned > ALONG) & (support >= wall.support)
+        variance = of_known + np.einsum("np,pq,nq->n", own, wall.line.covariance, own)
+        tolerance = 3 * np.sqrt(variance) + FACADE_ROUGHNESS
+        angle = np.abs(angle_difference(2 * normals, 2 * wall.line.normal)) / 2
+        near = (np.abs(distance) < tolerance) & (tolerance < MAX_CORNER_ERROR)
+        near &= (angle > MIN_CORNER_ANGLE) & (support >= wall.support)
         for other in np.flatnonzero(near).tolist():
-            doubt = np.hypot(losses[one][1], losses[other][1])
-            if losses[one][0] > losses[other][0] - GAIN - doubt:
+            error = np.hypot(losses[one][1], losses[other][1])
+            if losses[one][0] > losses[other][0] - CORNER_LOSS_TOLERANCE - error:
                 found.append((one, other))
     return found

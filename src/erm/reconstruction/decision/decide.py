@@ -1,4 +1,7 @@
-"""Which of the common images are walls: the plausible are believed first, and what contradicts them is not."""
+"""Decide which common images are walls.
+
+The most plausible candidates are accepted first. Candidates that contradict accepted ones are rejected.
+"""
 
 from collections.abc import Sequence
 from itertools import compress
@@ -6,192 +9,216 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erm.geometry.vertical import angle_difference
 from erm.mpcs.reasons import Reason
-from erm.mpcs.selection import CONSISTENT_LOSS
+from erm.mpcs.selection import CONSISTENT_LOSS, ELEVATION_TOLERANCE
 from erm.reconstruction.decision.conflicts import Conflicts
-from erm.reconstruction.decision.corners import corners_on
-from erm.reconstruction.decision.multi_bounce import composed_of, mirror_of, orders_of_hidden_walls
-from erm.reconstruction.decision.pieces import Links, pieces_of
-from erm.reconstruction.model.extent import ASTRAY, Legs, Stretch
-from erm.reconstruction.model.fit import fit_line, misfit
-from erm.reconstruction.model.loss import SCATTER, loss_at_normal_incidence, loss_error, typical_loss, weighted_quantile
-from erm.reconstruction.model.paths import BoolArray, IntArray
+from erm.reconstruction.decision.corners import corner_pairs
+from erm.reconstruction.decision.duplicates import merge_duplicates
+from erm.reconstruction.decision.multi_bounce import hidden_wall_pairs, is_multi_bounce, mirror_of
+from erm.reconstruction.decision.pieces import Links, cut_walls
+from erm.reconstruction.model.extent import STRAY_SHARE, Legs, Piece
+from erm.reconstruction.model.loss import (
+    LOSS_SCATTER,
+    loss_at_normal_incidence,
+    loss_error,
+    median_loss,
+    weighted_quantile,
+)
+from erm.reconstruction.model.paths import BoolArray
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.false_alarm import accidental, odds_against_chance
-from erm.reconstruction.search.images import GATE
+from erm.reconstruction.search.false_alarm import are_false_alarms, log_odds_against_false_alarm
 
-TWIN_OFFSET = 0.02  # m; lines nearer than this, or than their errors, are one
-TWIN_ANGLE = 0.2  # degree
-CUTS = 2  # free paths through a wall that refute it; one may be a path taken for what it is not
-ROUNDS = 4  # of believing and doubting; two are the rule
+MIN_CROSSING_PATHS = 2
+"""Unobstructed paths through a wall that refute it; a single one may be classified wrongly."""
+MAX_ROUNDS = 4
+"""Repetitions of the decision; two are usual. Chosen; not derived."""
 
-# Log odds of a common image to be a wall and not a chain off walls that nobody saw alone; see `plausibility`.
-PRIOR = 1.7
-PER_DECIBEL = -0.5  # of loss, face on, above that of the place
-BETWEEN = 4.0  # dB; the loss above that of the place that walls and chains have alike
-SPREAD = 3.5  # dB; of the losses of either about their mean
+# Coefficients of the log odds of a common image to be a wall and not a chain off walls that were not seen alone: a
+# logistic regression on random streets and rooms traced to three bounces, rounded; see `Candidates.log_odds`.
+INTERCEPT = 1.7
+PER_DECIBEL = -0.5
+"""Per dB of loss at normal incidence above that of the scene."""
 PER_RECEIVER_SHADOW = -2.8
+"""For receivers' legs that are obstructed for certain."""
 PER_TRANSMITTER_SHADOW = -0.4
-PER_DOUBLING = 0.7  # of the support beyond three
-PER_DEGREE = 0.14  # between the smallest and the largest angle of incidence
-MOST_DEGREES = 30.0
-PER_ARRIVAL = -1.0  # each doubling of the place among the reflections of a link
-LEAST_EXCESS = -1.0  # dB; that a face is metal proves nothing, two of metal and stone lose no more than stone
-USUAL_LOSS = (8.5, 13.0)  # dB; concrete to plaster: of a place that tells nothing better
+"""For transmitters' legs that are obstructed for certain."""
+PER_DOUBLED_SUPPORT = 0.7
+"""Per doubling of the support above three."""
+PER_DEGREE = 0.14
+"""Per degree between the smallest and the largest angle of incidence."""
+PER_DOUBLED_ARRIVAL = -1.0
+"""Per doubling of the position among the reflections of a link, in the order of their delays."""
+NEUTRAL_EXCESS_LOSS = 4.0
+"""Loss above that of the scene that walls and chains have equally often [dB]; from the same experiment."""
+EXCESS_LOSS_SCATTER = 3.5
+"""Standard deviation of the losses of either about their mean [dB]; from the same experiment."""
+MAX_ANGLE_RANGE = 30.0
+"""Range of angles of incidence above which more is no further evidence [degree]. Chosen; not derived."""
+MIN_EXCESS_LOSS = -1.0
+"""Excess loss below which less is no further evidence [dB]: a chain off metal and stone loses no more than stone."""
+SCENE_LOSS_RANGE = (8.5, 13.0)
+"""Limits of the loss of a scene at normal incidence [dB]: concrete and plaster."""
 
-LEAST_ODDS = 2.0  # of a candidate whose paths are too weak for a wall but for their errors; six in seven are none
-VAGUE = 0.3  # m; a line less certain than this agrees with anything
-STEEP = 3.0  # degree; a scan of few elevations is biased by 2 degrees beyond its edges, all paths alike
+MIN_WEAK_LOG_ODDS = 2.0
+"""Log odds against a false alarm that a weak candidate needs: one whose paths may be off a wall only because their
+gains are uncertain. Six in seven such candidates were no walls."""
+MAX_MIRROR_ERROR = 0.3
+"""Uncertainty up to which the line of two links counts as a mirror of chains [m]; a less certain one agrees with
+anything. Chosen; not derived."""
 
 
-class Verdict(NamedTuple):
-    """Walls, their pieces, and what became of the other candidates."""
+class Decision(NamedTuple):
+    """Walls, their pieces, and the rejected candidates with the reasons."""
 
     walls: list[Wall]
-    pieces: list[list[Stretch]]
+    pieces: list[list[Piece]]
     rejected: list[tuple[Wall, Reason]]
 
 
-class Trial:
+class Candidates:
     """Candidates and all that speaks for and against them.
 
     Parameters
     ----------
     walls : sequence of Wall
         Candidates.
-    witnesses : sequence of Wall
-        Lines that too few paths share to be walls; chains may have bounced off them.
-    sight : Legs
-        Direct paths known to be free.
+    minor : sequence of Wall
+        Lines that too few links share to be walls. Chains may have been reflected off them.
+    lines_of_sight : Legs
+        Direct paths known to be unobstructed.
     max_gap : float
         [m].
     """
 
-    def __init__(self, walls: Sequence[Wall], witnesses: Sequence[Wall], sight: Legs, max_gap: float) -> None:
+    def __init__(self, walls: Sequence[Wall], minor: Sequence[Wall], lines_of_sight: Legs, max_gap: float) -> None:
         self.walls = list(walls)
-        self._composed: dict[tuple[int, bytes], bool] = {}
-        self.mirrors = [mirror_of(wall, max_gap) for wall in walls]
-        certain = [w for w in witnesses if np.sqrt(w.line.covariance[1, 1]) < VAGUE and _turn_error(w) < VAGUE]
-        self.witnesses = [mirror_of(wall, max_gap) for wall in certain]
-        self.loss = np.array([loss_at_normal_incidence(wall) for wall in walls])
-        self.support = support = np.array([wall.support for wall in walls], dtype=np.int64)
-        self.betrayed_by: list[set[int]] = [set() for _ in walls]
-        for one, other, known in orders_of_hidden_walls(walls):
-            self.betrayed_by[one].add(known)
-            self.betrayed_by[other].add(known)
-        for one, known in corners_on(walls):
-            self.betrayed_by[one].add(known)
-        self.loss_error = np.array([loss_error(wall) for wall in walls])
-        sure = support / (self.loss_error**2 + SCATTER**2)
-        usual = weighted_quantile(self.loss, sure, 0.1) if len(walls) else 0.0
-        self.usual_loss = float(np.clip(usual, *USUAL_LOSS))
-        self.angles = [float(np.ptp(np.rad2deg(np.arccos(wall.incidence)))) for wall in walls]
-        self.arrival = _arrivals(walls)
-        self.weak = [bool(np.mean(wall.paths.loss > CONSISTENT_LOSS) > 0.5) for wall in walls]
-        self.against_chance = odds_against_chance(self.walls, self.weak)
-        merit = [self.merit(i) for i in range(len(walls))]
-        alone = [-round(value, 6) for value in merit]
-        # what others believed add to the merit is never positive
-        self.conflicts = Conflicts(walls, sight, np.array(merit, dtype=float) >= 0)
-        loss = [round(typical_loss(wall), 6) for wall in walls]
-        self.order = sorted(range(len(walls)), key=lambda i: (alone[i], loss[i], -support[i]))
+        self._is_multi_bounce: dict[tuple[int, bytes], bool] = {}
+        self._mirrors = [mirror_of(wall, max_gap) for wall in walls]
+        self._minor_mirrors = [mirror_of(wall, max_gap) for wall in minor if _is_certain(wall)]
+        self._loss = np.array([loss_at_normal_incidence(wall) for wall in walls])
+        self._support = support = np.array([wall.support for wall in walls], dtype=np.int64)
+        self._explained_by: list[set[int]] = [set() for _ in walls]
+        for one, other, known in hidden_wall_pairs(walls):
+            self._explained_by[one].add(known)
+            self._explained_by[other].add(known)
+        for one, known in corner_pairs(walls):
+            self._explained_by[one].add(known)
+        self._loss_error = np.array([loss_error(wall) for wall in walls])
+        weight = support / (self._loss_error**2 + LOSS_SCATTER**2)
+        scene_loss = weighted_quantile(self._loss, weight, 0.1) if len(walls) else 0.0
+        self._scene_loss = float(np.clip(scene_loss, *SCENE_LOSS_RANGE))
+        self._angle_range = [float(np.ptp(np.rad2deg(np.arccos(wall.cos_incidence)))) for wall in walls]
+        self._arrival = _arrivals(walls)
+        self._weak = [bool(np.mean(wall.paths.loss > CONSISTENT_LOSS) > 0.5) for wall in walls]
+        self._against_false_alarm = log_odds_against_false_alarm(self.walls, self._weak)
+        alone = [self.log_odds(i) for i in range(len(walls))]
+        # obstruction by others never raises the log odds, so candidates below 0 alone stay below
+        self._conflicts = Conflicts(walls, lines_of_sight, np.array(alone, dtype=float) >= 0)
+        loss = [round(median_loss(wall), 6) for wall in walls]
+        self.order = sorted(range(len(walls)), key=lambda i: (-round(alone[i], 6), loss[i], -support[i]))
         self.rank = np.argsort(np.array(self.order, dtype=np.int64))
 
-    def doubt(self, wall: int, believed: BoolArray) -> Reason | None:
-        """Why a candidate is not to be believed beside others, if it is not.
+    def reason_against(self, wall: int, accepted: BoolArray) -> Reason | None:
+        """Why a candidate cannot be accepted beside others (candidate,); None if it can.
 
-        What stands in the way of what is decided by which of the two has more to be said for it.
+        Of two candidates that obstruct each other the one with the higher log odds is kept.
         """
-        if self.weak[wall] and self.against_chance[wall] < LEAST_ODDS:
-            return Reason.CHANCE
-        mean, error = self.walls[wall].rise
-        if np.isfinite(error) and abs(mean) > STEEP + 3 * error:
+        if self._weak[wall] and self._against_false_alarm[wall] < MIN_WEAK_LOG_ODDS:
+            return Reason.FALSE_ALARM
+        mean, error = self.walls[wall].mean_elevation_excess
+        if np.isfinite(error) and abs(mean) > ELEVATION_TOLERANCE + 3 * error:
             return Reason.MEAN_ELEVATION
-        others = believed.copy()
+        others = accepted.copy()
         others[wall] = False
         stronger = others & (self.rank < self.rank[wall])
-        if self.conflicts.blocked(wall, stronger) > 0.5 or self._is_cut(wall, stronger):
+        if self._conflicts.blocked_share(wall, stronger) > 0.5 or self._is_crossed(wall, stronger):
             return Reason.OBSTRUCTION
-        if any(stronger[known] for known in self.betrayed_by[wall]):
+        if any(stronger[known] for known in self._explained_by[wall]):
             return Reason.MULTIPLE_REFLECTION
-        if self.plausibility(wall, stronger) < 0:
+        if self._log_odds_beside(wall, stronger) < 0:
             return Reason.IMPLAUSIBLE
-        mirrors = [self.mirrors[i] for i in np.flatnonzero(others)] + self.witnesses
         key = (wall, others.tobytes())
-        if key not in self._composed:
-            self._composed[key] = composed_of(self.walls[wall], mirrors)
-        return Reason.MULTIPLE_REFLECTION if self._composed[key] else None
+        if key not in self._is_multi_bounce:
+            mirrors = [self._mirrors[i] for i in np.flatnonzero(others)] + self._minor_mirrors
+            self._is_multi_bounce[key] = is_multi_bounce(self.walls[wall], mirrors)
+        return Reason.MULTIPLE_REFLECTION if self._is_multi_bounce[key] else None
 
-    def _is_cut(self, wall: int, believed: BoolArray) -> bool:
-        return self.conflicts.cuts(wall, believed) >= max(CUTS, ASTRAY * self.conflicts.support[wall])
+    def _is_crossed(self, wall: int, accepted: BoolArray) -> bool:
+        limit = max(MIN_CROSSING_PATHS, STRAY_SHARE * self._conflicts.support[wall])
+        return self._conflicts.crossing_paths(wall, accepted) >= limit
 
-    def plausibility(self, wall: int, believed: BoolArray) -> float:
-        """Log odds of a candidate that no single test refutes: its merit, less if believed ones may hide it.
+    def _log_odds_beside(self, wall: int, accepted: BoolArray) -> float:
+        """`log_odds`, less if accepted candidates may obstruct the wall.
 
-        Behind its last wall a chain of bounces points to where that wall, if it goes on a little beyond where it was
-        seen, hides it.
+        The last wall of a chain, if it extends a little beyond its reflection points, obstructs the wall that the
+        chain looks like.
         """
-        first, second = self.conflicts.shadow(wall, believed)
-        return self.merit(wall) + PER_TRANSMITTER_SHADOW * first + PER_RECEIVER_SHADOW * second
+        of_tx, of_rx = self._conflicts.shadowing(wall, accepted)
+        return self.log_odds(wall) + PER_TRANSMITTER_SHADOW * of_tx + PER_RECEIVER_SHADOW * of_rx
 
-    def merit(self, wall: int) -> float:
-        """Log odds of a candidate by itself.
+    def log_odds(self, wall: int) -> float:
+        """Log odds of a candidate alone to be a wall and not a chain.
 
-        A chain of bounces loses more than a wall; it is seen from fewer places and, through the windows that its
-        walls are to one another, over fewer angles; and it arrives after the paths off its walls. The weights are
-        those of a logistic regression on random streets and rooms traced to three bounces, rounded.
+        A chain of reflections loses more than a wall. It is seen from fewer places and over fewer angles, through the
+        windows that its walls are to one another, and it arrives after the paths off its walls.
         """
-        excess = max(float(self.loss[wall]) - self.usual_loss, LEAST_EXCESS)
-        # of two Gaussians that the error widens the log odds fall to this share
-        told = SPREAD**2 / (SPREAD**2 + self.loss_error[wall] ** 2)
+        excess = max(float(self._loss[wall]) - self._scene_loss, MIN_EXCESS_LOSS)
+        # the log odds of two Gaussians of equal width fall by this factor if an error widens both
+        factor = EXCESS_LOSS_SCATTER**2 / (EXCESS_LOSS_SCATTER**2 + self._loss_error[wall] ** 2)
         return (
-            PRIOR
-            + PER_DECIBEL * (BETWEEN + told * (excess - BETWEEN))
-            + PER_DOUBLING * float(np.log2(max(self.support[wall], 3) / 3))
-            + PER_DEGREE * min(self.angles[wall], MOST_DEGREES)
-            + PER_ARRIVAL * self.arrival[wall]
+            INTERCEPT
+            + PER_DECIBEL * (NEUTRAL_EXCESS_LOSS + factor * (excess - NEUTRAL_EXCESS_LOSS))
+            + PER_DOUBLED_SUPPORT * float(np.log2(max(self._support[wall], 3) / 3))
+            + PER_DEGREE * min(self._angle_range[wall], MAX_ANGLE_RANGE)
+            + PER_DOUBLED_ARRIVAL * self._arrival[wall]
         )
 
 
-def decide(candidates: Sequence[Wall], witnesses: Sequence[Wall], sight: Legs, links: Links, max_gap: float) -> Verdict:
-    """Tell walls from chains of bounces.
+def decide_walls(
+    candidates: Sequence[Wall], minor: Sequence[Wall], lines_of_sight: Legs, links: Links, max_gap: float
+) -> Decision:
+    """Tell walls from chains of reflections.
 
-    Candidates are believed in the order of what speaks for them by themselves. Each is held against those believed
+    Candidates are accepted in the order of their log odds alone. Each is tested against those that are accepted
     already, again and again until nothing changes.
 
     Parameters
     ----------
-    candidates, witnesses : sequence of Wall
-        Lines that enough and too few paths share.
-    sight : Legs
-        Direct paths known to be free.
+    candidates, minor : sequence of Wall
+        Lines that enough, and too few, links share.
+    lines_of_sight : Legs
+        Direct paths known to be unobstructed.
     links : Links
         All antenna pairs.
     max_gap : float
-        Reflection points on one line further apart are ends of different walls [m].
+        Reflection points on one line further apart than this are on different walls [m].
     """
-    by_chance = accidental(candidates)
-    accidents = [(wall, Reason.CHANCE) for wall in compress(candidates, by_chance)]
-    trial = Trial(_without_twins(list(compress(candidates, ~by_chance)), max_gap), witnesses, sight, max_gap)
+    false_alarms = are_false_alarms(candidates)
+    rejected = [(wall, Reason.FALSE_ALARM) for wall in compress(candidates, false_alarms)]
+    distinct = merge_duplicates(list(compress(candidates, ~false_alarms)), max_gap)
+    trial = Candidates(distinct, minor, lines_of_sight, max_gap)
     walls = trial.walls
-    believed = np.zeros(len(walls), dtype=bool)
-    for _ in range(ROUNDS):
-        before = believed.copy()
+    accepted = np.zeros(len(walls), dtype=bool)
+    for _ in range(MAX_ROUNDS):
+        before = accepted.copy()
         for i in trial.order:
-            believed[i] = trial.doubt(i, believed) is None
-        if np.array_equal(before, believed):
+            accepted[i] = trial.reason_against(i, accepted) is None
+        if np.array_equal(before, accepted):
             break
-    rejected = [(walls[i], trial.doubt(i, believed) or Reason.OBSTRUCTION) for i in np.flatnonzero(~believed).tolist()]
-    chosen = sorted(np.flatnonzero(believed).tolist(), key=lambda i: (-walls[i].support, trial.rank[i]))
+    reasons = [
+        (walls[i], trial.reason_against(i, accepted) or Reason.OBSTRUCTION) for i in np.flatnonzero(~accepted).tolist()
+    ]
+    chosen = sorted(np.flatnonzero(accepted).tolist(), key=lambda i: (-walls[i].support, trial.rank[i]))
     kept = [walls[i] for i in chosen]
-    return Verdict(kept, pieces_of(kept, sight, links, max_gap), rejected + accidents)
+    return Decision(kept, cut_walls(kept, lines_of_sight, links, max_gap), reasons + rejected)
 
 
-def _turn_error(wall: Wall) -> float:
-    """How far the error of a wall's direction moves the image of its first transmitter [m]."""
-    away = abs(float(wall.line.depth(wall.paths.tx[0])))
-    return float(np.deg2rad(np.sqrt(wall.line.covariance[0, 0]))) * 2 * away
+def _is_certain(wall: Wall) -> bool:
+    """Whether offset and image of a line are known to `MAX_MIRROR_ERROR`."""
+    distance = abs(float(wall.line.signed_distance(wall.paths.tx[0])))
+    of_offset = np.sqrt(wall.line.covariance[1, 1])
+    of_normal = float(np.deg2rad(np.sqrt(wall.line.covariance[0, 0]))) * 2 * distance
+    return bool(of_offset < MAX_MIRROR_ERROR and of_normal < MAX_MIRROR_ERROR)
 
 
 def _arrivals(walls: Sequence[Wall]) -> list[float]:
@@ -204,49 +231,8 @@ def _arrivals(walls: Sequence[Wall]) -> list[float]:
     paths = walls[0].all_paths
     order = np.lexsort((np.round(paths.length, 6), paths.link))
     first = np.searchsorted(paths.link[order], paths.link)
-    counted = np.r_[0, np.cumsum(paths.loss[order] <= CONSISTENT_LOSS)]  # ghosts of others are weak
+    counted = np.r_[0, np.cumsum(paths.loss[order] <= CONSISTENT_LOSS)]  # weaker ones may be artefacts of others
     earlier = np.empty(len(paths), dtype=np.int64)
     earlier[order] = counted[:-1]
     place = np.log2(1 + earlier - counted[first])
-    return [float(place[wall.members].mean()) for wall in walls]
-
-
-def _without_twins(candidates: Sequence[Wall], max_gap: float) -> list[Wall]:
-    """Candidates, those that are one line joined."""
-    ranked = sorted(candidates, key=lambda wall: (-wall.support, round(typical_loss(wall), 6)))
-    kept: list[Wall] = []
-    normals = np.array([wall.line.normal for wall in ranked])
-    middles = np.array([np.median(wall.points[:, :2], axis=0) for wall in ranked]).reshape(-1, 2)
-    place: list[int] = []
-    for number, wall in enumerate(ranked):
-        turned = np.abs(angle_difference(normals[place], wall.line.normal))
-        off = np.abs(wall.line.depth(middles[place])) if place else np.empty(0)
-        near = np.flatnonzero((turned < 10) & (off < 2.0))
-        twin = next((int(i) for i in near if _are_twins(kept[i], wall, max_gap)), None)
-        if twin is None:
-            kept.append(wall)
-            place.append(number)
-        else:
-            kept[twin] = _joined(kept[twin], wall)
-    return kept
-
-
-def _are_twins(wall: Wall, other: Wall, max_gap: float) -> bool:
-    """Whether two lines beside each other are one within their errors, or nearly so."""
-    along, theirs = wall.line.along(wall.points), wall.line.along(other.points)
-    if theirs.min() > along.max() + max_gap or theirs.max() < along.min() - max_gap:
-        return False
-    here, there = wall.line.about(other.line.pivot), other.line
-    turned = abs(float(angle_difference(there.normal, here.normal)))
-    # those one after the other may be the faces of a facade that bends
-    beside = theirs.min() < along.max() and theirs.max() > along.min()
-    if beside and turned < TWIN_ANGLE and abs(there.offset - here.offset) < TWIN_OFFSET:
-        return True
-    return float(np.mean(misfit(other.paths, wall.line) < GATE)) > 0.5
-
-
-def _joined(wall: Wall, other: Wall) -> Wall:
-    """Return the wall with the other's paths from links that it has none of, fitted again."""
-    fresh = other.members[~np.isin(other.paths.link, wall.paths.link)]
-    members: IntArray = np.sort(np.r_[wall.members, fresh])
-    return Wall(wall.all_paths, fit_line(wall.all_paths.take(members), wall.line), members)
+    return [float(place[wall.inliers].mean()) for wall in walls]

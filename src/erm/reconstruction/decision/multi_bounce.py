@@ -1,8 +1,9 @@
-"""Walls that are not there: chains of bounces taken for single ones, and what gives them away.
+"""Chains of reflections that look like a wall, and the two signs that reveal them.
 
-The image of an image is as fixed a point as the image in one wall, so paths off two walls agree on a third from
-everywhere, and support alone cannot tell. Three things can: the point is composed of mirrors already known; such a wall
-would stand, or have its paths pass, where other paths show free air or walls; and it loses what both walls lose.
+The image of an image is as fixed a point as the image in one wall. Paths off two walls therefore agree on a third one
+from everywhere, and support alone cannot tell them from a wall. Here a candidate is rejected if its image is composed
+of mirrors that are already known and its paths lose what these lose, or if two candidates are one double reflection in
+its two orders.
 """
 
 from collections.abc import Sequence
@@ -12,182 +13,203 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from erm.geometry.vertical import FloatArray, bisector, mirrored, unit
-from erm.reconstruction.model.line import Line, anchors
-from erm.reconstruction.model.loss import loss_error, reflection_loss, refractive_index_squared, typical_loss
-from erm.reconstruction.model.paths import BoolArray, Paths
+from erm.reconstruction.model.fit import CHI_SQUARED_GATE
+from erm.reconstruction.model.line import Line, mirror_images
+from erm.reconstruction.model.loss import loss_error, median_loss, reflection_loss, refractive_index_squared
+from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.images import GATE
 
-LOSS_TOLERANCE = 4.0  # dB; materials vary along a facade, and two paths in one cell interfere
-ALTERNATIVES = 3  # first mirrors tried for each rest of a chain
-EXTRA_LOSS = 1.0  # dB; a double bounce loses at least this much more than either of its walls alone
-LOSS_OF_ORDER = 3.0  # dB; the two orders of one double bounce meet the same walls at other angles
-NEAREST, NEAREST_OF_THREE = 64, 32  # walls about a phantom of which it may be composed
-SMOOTH = 2e-3  # m; facades are not mirrors to better than this
+CHAIN_LOSS_TOLERANCE = 4.0
+"""By how much less than its walls a chain may seem to lose [dB]: materials vary along a facade, and two paths in one
+resolution cell interfere. Chosen; not derived."""
+FIRST_MIRRORS = 3
+"""First mirrors that are tried for each rest of a chain. Chosen; not derived."""
+MIN_EXTRA_LOSS = 1.0
+"""Least loss of a double reflection above that of either of its walls [dB]. Chosen; not derived."""
+ORDER_LOSS_DIFFERENCE = 3.0
+"""Largest difference between the losses of the two orders of a double reflection [dB]: they meet the same walls at
+other angles. Chosen; not derived."""
+MAX_MIRRORS, MAX_MIRRORS_OF_TRIPLE = 64, 32
+"""Nearest walls that a chain of two, and of three, is composed of. Chosen; not derived."""
+FACADE_ROUGHNESS = 2e-3
+"""Deviation of a facade from a plane [m]. Chosen; not derived."""
 
 
 class Mirror(NamedTuple):
-    """An accepted wall: its line, how far along it stands, and its refractive index squared."""
+    """A wall as a mirror: its line, how far it extends along the line, and what it loses."""
 
     line: Line
     low: float  # m along the line
     high: float  # m
-    index2: float
+    index_squared: float
     loss_error: float  # dB
-    middle: FloatArray  # of where it stands [m]
+    middle: FloatArray  # (2,) m
 
 
 def mirror_of(wall: Wall, margin: float) -> Mirror:
-    """Return the wall as a mirror that may reach a margin [m] beyond its reflection points."""
-    along = wall.line.along(wall.points)
+    """Return a wall as a mirror that extends a margin [m] beyond its reflection points."""
+    along = wall.line.along(wall.reflection_points)
     low, high = float(along.min()), float(along.max())
     middle = wall.line.foot() + (low + high) / 2 * wall.line.direction()
-    index2 = refractive_index_squared(wall)
-    return Mirror(wall.line, low - margin, high + margin, index2, loss_error(wall), middle)
+    index_squared = refractive_index_squared(wall)
+    return Mirror(wall.line, low - margin, high + margin, index_squared, loss_error(wall), middle)
 
 
-def composed_of(wall: Wall, mirrors: Sequence[Mirror]) -> bool:
-    """Whether two or three bounces off mirrors explain most paths of a wall.
+def is_multi_bounce(wall: Wall, mirrors: Sequence[Mirror]) -> bool:
+    """Whether two or three reflections off mirrors explain most paths of a wall.
 
-    Undoing a mirror takes the image one bounce back; when what is left is the image in another mirror, the paths
-    from there to the receivers meet both in turn where these may stand, and lose no less than both, the wall is
-    not needed.
+    Mirroring the image once more takes it one reflection back. If what is left is the image in another mirror, the
+    paths meet both mirrors in turn where these may stand, and they lose no less than both, then the wall is not needed.
 
     Parameters
     ----------
+    wall : Wall
     mirrors : sequence of Mirror
-        Accepted walls, the one in question not among them.
+        Accepted walls without the one in question.
     """
     transmitters, counts = np.unique(wall.paths.transmitter, return_counts=True)
-    if not mirrors or np.count_nonzero(counts > 1) > 1:  # a chain has no line that holds for other transmitters
+    if not mirrors or np.count_nonzero(counts > 1) > 1:  # a line does not describe a chain for several transmitters
         return False
-    middle = wall.points[:, :2].mean(axis=0)
-    away = np.sum((np.array([mirror.middle for mirror in mirrors]) - middle) ** 2, axis=-1)
-    mirrors = [mirrors[i] for i in np.argsort(away, kind="stable")[:NEAREST]]
-    one = transmitters[np.argmax(counts)]
-    members = np.flatnonzero(wall.paths.transmitter == one)
-    paths = wall.paths.take(members)
+    middle = wall.reflection_points[:, :2].mean(axis=0)
+    squared_distance = np.sum((np.array([mirror.middle for mirror in mirrors]) - middle) ** 2, axis=-1)
+    mirrors = [mirrors[i] for i in np.argsort(squared_distance, kind="stable")[:MAX_MIRRORS]]
+    paths = wall.paths.take(wall.paths.transmitter == transmitters[np.argmax(counts)])
     tx = paths.tx[0, :2]
-    spread = _image_slopes(wall.line, tx)
-    covariance = spread @ wall.line.covariance @ spread.T
-    explained = np.zeros(len(members), dtype=bool)
-    for chain in _chains(tx, anchors(wall.line, tx), covariance, mirrors):
-        explained |= _carries(paths, [mirrors[i] for i in chain])
+    slope = _image_slope(wall.line, tx)
+    covariance = slope @ wall.line.covariance @ slope.T
+    explained = np.zeros(len(paths), dtype=bool)
+    for chain in _chains(tx, mirror_images(wall.line, tx), covariance, mirrors):
+        explained |= _explains([mirrors[i] for i in chain], paths)
     return bool(np.mean(explained) > 0.5)
 
 
 def _chains(
     tx: FloatArray, image: FloatArray, covariance: FloatArray, mirrors: Sequence[Mirror]
 ) -> list[tuple[int, ...]]:
-    """Sequences of mirrors, transmitter first, that take the transmitter to the image within the errors."""
+    """Chains of mirrors, the one nearest to the transmitter first, that map the transmitter to the image within errors.
+
+    Of a chain (a, b) or (a, c, b) the last mirrors are undone; what is left must be the image in the first mirror a.
+    """
     count = len(mirrors)
-    normals = np.array([m.line.normal for m in mirrors])
-    pivots = np.array([m.line.pivot for m in mirrors])
-    offsets = np.array([m.line.offset for m in mirrors])
-    own = np.array([m.line.covariance for m in mirrors])
+    normals = np.array([mirror.line.normal for mirror in mirrors])
+    pivots = np.array([mirror.line.pivot for mirror in mirrors])
+    offsets = np.array([mirror.line.offset for mirror in mirrors])
+    covariances = np.array([mirror.line.covariance for mirror in mirrors])
     absolute = offsets + np.sum(unit(normals) * pivots, axis=-1)
     first = mirrored(tx, normals, absolute)
     slopes = image_slopes(normals, offsets, tx - pivots)
-    spread = np.sqrt(np.trace(slopes @ own @ slopes.swapaxes(1, 2), axis1=1, axis2=2))
-    radius = 4 * (np.sqrt(np.trace(covariance)) + 2 * spread.max() + SMOOTH)
+    spread = np.sqrt(np.trace(slopes @ covariances @ slopes.swapaxes(1, 2), axis1=1, axis2=2))
+    radius = 4 * (np.sqrt(np.trace(covariance)) + 2 * spread.max() + FACADE_ROUGHNESS)
     tree = cKDTree(first)
-    once = mirrored(image, normals, absolute)  # by the last mirror, b
-    few = slice(0, min(count, NEAREST_OF_THREE))
-    twice = mirrored(once[few, None], normals[few], absolute[few]).reshape(-1, 2)  # and by the one before it, c
-    near = tree.query(np.vstack([once, twice]), k=min(ALTERNATIVES, count), distance_upper_bound=radius)[1]
-    near = near.reshape(count + len(twice), -1)
+    without_b = mirrored(image, normals, absolute)
+    few = min(count, MAX_MIRRORS_OF_TRIPLE)
+    without_c_b = mirrored(without_b[:few, None], normals[:few], absolute[:few]).reshape(-1, 2)
+    asked = np.vstack([without_b, without_c_b])
+    near = tree.query(asked, k=min(FIRST_MIRRORS, count), distance_upper_bound=radius)[1].reshape(len(asked), -1)
     row, column = np.nonzero(near < count)
     a = near[row, column]
     double = row < count
-    b = np.where(double, row, (row - count) // max(few.stop, 1))
-    middle = np.where(double, -1, (row - count) % max(few.stop, 1))
-    possible = np.where(double, a != b, (a != middle) & (b != middle))
+    b = np.where(double, row, (row - count) // max(few, 1))
+    c = np.where(double, -1, (row - count) % max(few, 1))
+    possible = np.where(double, a != b, (a != c) & (b != c))
     found: list[tuple[int, ...]] = []
     for chosen, chain in (
         (possible & double, np.stack([a, b], axis=1)),
-        (possible & ~double, np.stack([a, middle, b], axis=1)),
+        (possible & ~double, np.stack([a, c, b], axis=1)),
     ):
         chain = chain[chosen]
-        place, total = np.broadcast_to(tx, (len(chain), 2)), np.zeros((len(chain), 2, 2))
+        place, of_chain = np.broadcast_to(tx, (len(chain), 2)), np.zeros((len(chain), 2, 2))
         for mirror in chain.T:
             slope = image_slopes(normals[mirror], offsets[mirror], place - pivots[mirror])
             n = unit(normals[mirror])
-            turn = np.eye(2) - 2 * n[:, :, None] * n[:, None, :]
-            total = turn @ total @ turn + slope @ own[mirror] @ slope.swapaxes(1, 2)
+            reflection = np.eye(2) - 2 * n[:, :, None] * n[:, None, :]
+            of_chain = reflection @ of_chain @ reflection + slope @ covariances[mirror] @ slope.swapaxes(1, 2)
             place = mirrored(place, normals[mirror], absolute[mirror])
         apart = image - place
-        spreads = covariance + total + SMOOTH**2 * np.eye(2)
-        chi2 = np.einsum("np,npq,nq->n", apart, np.linalg.inv(spreads), apart)
-        found += [tuple(one) for one in chain[chi2 < GATE].tolist()]
+        total = covariance + of_chain + FACADE_ROUGHNESS**2 * np.eye(2)
+        chi2 = np.einsum("np,npq,nq->n", apart, np.linalg.inv(total), apart)
+        found += [tuple(one) for one in chain[chi2 < CHI_SQUARED_GATE].tolist()]
     return found
 
 
 def image_slopes(normal: FloatArray, offset: FloatArray, relative: FloatArray) -> FloatArray:
-    """Derivatives (n, 2, 2) of images by (normal [degree], offset [m]), points (n, 2) counted from the pivots."""
+    """Slopes (n, 2, 2) of images by (normal [degree], offset [m]), of points (n, 2) relative to the pivots."""
     n, m = unit(normal), unit(normal + 90)
-    depth, along = offset - np.sum(n * relative, axis=-1), np.sum(m * relative, axis=-1)
-    return np.stack([np.deg2rad(2 * depth[..., None] * m - 2 * along[..., None] * n), 2 * n], axis=-1)
+    distance, along = offset - np.sum(n * relative, axis=-1), np.sum(m * relative, axis=-1)
+    return np.stack([np.deg2rad(2 * distance[..., None] * m - 2 * along[..., None] * n), 2 * n], axis=-1)
 
 
-def _image_slopes(line: Line, point: FloatArray) -> FloatArray:
-    """Derivative (2, 2) of a point's image by (normal [degree], offset [m])."""
+def _image_slope(line: Line, point: FloatArray) -> FloatArray:
+    """Slopes (2, 2) of a point's image by (normal [degree], offset [m])."""
     return image_slopes(np.array([line.normal]), np.array([line.offset]), (point - line.pivot)[None])[0]
 
 
-def _carries(paths: Paths, chain: Sequence[Mirror]) -> BoolArray:
-    """Whether (path,) paths can bounce off mirrors in turn, where these stand, and lose as little as they did."""
+def _explains(chain: Sequence[Mirror], paths: Paths) -> BoolArray:
+    """Whether (path,) mirrors, met in turn where they stand, explain paths of one transmitter and their losses."""
     images = [paths.tx[0, :2]]
     for mirror in chain:
-        images.append(anchors(mirror.line, images[-1]))
+        images.append(mirror_images(mirror.line, images[-1]))
     here = paths.rx[:, :2]
-    level = np.linalg.norm(images[-1] - here, axis=-1)
-    steep = level / np.hypot(level, paths.tx[:, 2] - paths.rx[:, 2])  # horizontal share of the ray
+    horizontal = np.linalg.norm(images[-1] - here, axis=-1)
+    cos_elevation = horizontal / np.hypot(horizontal, paths.tx[:, 2] - paths.rx[:, 2])
     possible = np.ones(len(paths), dtype=bool)
     loss = np.zeros(len(paths))
-    error = paths.loss_std**2
+    variance = paths.loss_std**2
     for mirror, image in zip(chain[::-1], images[:0:-1], strict=True):
-        before, behind = mirror.line.depth(here), mirror.line.depth(image)
-        crosses = before * behind < 0
-        share = np.where(crosses, before, 0.0) / np.where(crosses, before - behind, 1.0)
+        near, far = mirror.line.signed_distance(here), mirror.line.signed_distance(image)
+        crosses = near * far < 0
+        share = np.where(crosses, near, 0.0) / np.where(crosses, near - far, 1.0)
         toward = image - here
-        cosine = np.abs(toward @ unit(mirror.line.normal)) / np.linalg.norm(toward, axis=-1) * steep
+        cosine = np.abs(toward @ unit(mirror.line.normal)) / np.linalg.norm(toward, axis=-1) * cos_elevation
         here = here + share[:, None] * toward
         along = mirror.line.along(here)
         possible &= crosses & (along > mirror.low) & (along < mirror.high)
-        loss += reflection_loss(mirror.index2, cosine)
-        error += mirror.loss_error**2
-    return possible & (paths.loss > loss - LOSS_TOLERANCE - np.sqrt(error))
+        loss += reflection_loss(mirror.index_squared, cosine)
+        variance += mirror.loss_error**2
+    return possible & (paths.loss > loss - CHAIN_LOSS_TOLERANCE - np.sqrt(variance))
 
 
-def orders_of_hidden_walls(walls: Sequence[Wall]) -> list[tuple[int, int, int]]:
-    """Triples (one, other, known) where one and other are a double bounce off a known and a hidden wall in its orders.
+def hidden_wall_pairs(walls: Sequence[Wall]) -> list[tuple[int, int, int]]:
+    """Find pairs of candidates that are one double reflection, off a known and a hidden wall, in its two orders.
 
-    If the image of one is "hidden, then known", undoing the known mirror leaves the image in the hidden wall, hence the
-    wall; "known, then hidden" must then be the image of other. Real walls meet this by accident only. Both orders lose
-    about the same, and more than the known wall, which more paths share.
+    If the image of the first is "hidden, then known", mirroring it in the known wall leaves the image in the hidden
+    wall, and so the hidden wall. The image "known, then hidden" must then be that of the other. Real walls agree so by
+    chance only. Both orders lose about the same, and more than the known wall, which more paths share.
+
+    Returns
+    -------
+    list of (candidate, other candidate, known wall)
     """
     found = []
     main = np.array([np.bincount(wall.paths.transmitter).argmax() for wall in walls], dtype=np.int64)
-    for one in np.unique(main):
-        rows = np.flatnonzero(main == one).tolist()
-        lines = [walls[i].line for i in rows]
-        tx = walls[rows[0]].paths.tx[walls[rows[0]].paths.transmitter == one][0, :2]
-        image = np.array([anchors(line, tx) for line in lines])
-        slopes = [_image_slopes(line, tx) for line in lines]
-        spread = np.array([np.sqrt(np.trace(s @ line.covariance @ s.T)) for s, line in zip(slopes, lines, strict=True)])
-        loss = np.array([typical_loss(walls[i]) for i in rows])
-        support = np.array([walls[i].support for i in rows])
-        tree = cKDTree(image)
-        for known, line in enumerate(lines):
-            weaker = np.flatnonzero((support < support[known]) & (loss > loss[known] + EXTRA_LOSS))
-            through_hidden = mirrored(image[weaker] - line.pivot, line.normal, line.offset) + line.pivot
-            normal, offset = bisector(tx - through_hidden, np.zeros(2))
-            expected = mirrored(image[known] - through_hidden, normal, offset) + through_hidden
-            reach = 3 * (spread[weaker] + 2 * spread[known]) + SMOOTH
-            for i, near in zip(weaker, tree.query_ball_point(expected, reach), strict=True):
-                found += [
-                    (rows[i], rows[j], rows[known])
-                    for j in near
-                    if j in weaker and j != i and abs(loss[i] - loss[j]) < LOSS_OF_ORDER
-                ]
+    for transmitter in np.unique(main):
+        numbers = np.flatnonzero(main == transmitter)
+        own = [walls[i] for i in numbers.tolist()]
+        tx = own[0].paths.tx[own[0].paths.transmitter == transmitter][0, :2]
+        found += [
+            (int(numbers[i]), int(numbers[j]), int(numbers[known])) for i, j, known in _hidden_wall_pairs_of(own, tx)
+        ]
+    return found
+
+
+def _hidden_wall_pairs_of(walls: Sequence[Wall], tx: FloatArray) -> list[tuple[int, int, int]]:
+    """`hidden_wall_pairs` of candidates of one transmitter (2,)."""
+    lines = [wall.line for wall in walls]
+    image = np.array([mirror_images(line, tx) for line in lines])
+    slopes = [_image_slope(line, tx) for line in lines]
+    spread = np.array([np.sqrt(np.trace(s @ line.covariance @ s.T)) for s, line in zip(slopes, lines, strict=True)])
+    loss = np.array([median_loss(wall) for wall in walls])
+    support = np.array([wall.support for wall in walls])
+    tree = cKDTree(image)
+    found = []
+    for known, line in enumerate(lines):
+        weaker: IntArray = np.flatnonzero((support < support[known]) & (loss > loss[known] + MIN_EXTRA_LOSS))
+        of_hidden = mirrored(image[weaker] - line.pivot, line.normal, line.offset) + line.pivot
+        normal, offset = bisector(tx - of_hidden, np.zeros(2))
+        expected = mirrored(image[known] - of_hidden, normal, offset) + of_hidden
+        radius = 3 * (spread[weaker] + 2 * spread[known]) + FACADE_ROUGHNESS
+        for i, near in zip(weaker.tolist(), tree.query_ball_point(expected, radius), strict=True):
+            found += [
+                (i, j, known) for j in near if j in weaker and j != i and abs(loss[i] - loss[j]) < ORDER_LOSS_DIFFERENCE
+            ]
     return found

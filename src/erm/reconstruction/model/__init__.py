@@ -1,1 +1,1 @@
-"""What walls and their paths are: lines, extents, fits, losses."""
+"""Paths, lines and walls in arrays, and how they are fitted to each other."""

@@ -1,4 +1,7 @@
-"""Where along its line a wall stands: reflection points say yes, paths that pass through say no."""
+"""Extent of a wall along its line.
+
+Reflection points show where it stands, and paths that pass through show where it does not.
+"""
 
 from typing import NamedTuple
 
@@ -10,25 +13,34 @@ from erm.reconstruction.model.line import Line
 from erm.reconstruction.model.paths import BoolArray, IntArray
 from erm.reconstruction.model.wall import Wall
 
-CLEARANCE = 0.1  # m; a path that ends this near to a wall on its other side does not pass through it
-SOLID = 5.0  # m; between reflection points closer than this there is no passage that only silence tells of
-SILENT = 3  # links; of gaps that one or two did not see nine in ten were wall on random scenes, later three in four
-ASTRAY = 0.05  # share of a wall's members that may come from anywhere
-TELLING = 256  # paths of a wall that are asked where they pass; more tell no more
-MOST_MARGIN = 0.5  # m; at grazing incidence the Fresnel zone is long, and half of it is enough to reflect
+CLEARANCE = 0.1
+"""Distance behind a wall up to which a path that ends there does not pass through it [m]. Chosen; not derived."""
+SOLID_GAP = 5.0
+"""Gap between reflection points up to which a wall is taken to be solid, unless a path passes through [m]. Chosen; not
+derived."""
+MIN_MISSED_LINKS = 3
+"""Links that must miss an expected reflection in a gap to show an opening. Of the gaps that one or two links missed,
+nine in ten were wall on random scenes, in a later experiment three in four."""
+STRAY_SHARE = 0.05
+"""Largest share of a wall's inliers that may be from elsewhere. Chosen; not derived."""
+MAX_TESTED_PATHS = 256
+"""Paths of a wall that are tested for what they pass through. Chosen; more give no more information."""
+MAX_FRESNEL_MARGIN = 0.5
+"""Largest length that a wall reaches beyond its outermost reflection points [m]. At grazing incidence the Fresnel zone
+is long, and half of it is enough to reflect. Chosen; not derived."""
 
 
 class Legs(NamedTuple):
-    """Straight free stretches of paths: ``start`` and ``end`` (leg, 3) [m]."""
+    """Straight unobstructed legs of paths: ``start`` and ``end`` (leg, 3) [m]."""
 
     start: FloatArray
     end: FloatArray
 
 
-class Stretch(NamedTuple):
-    """A piece of a wall: its members and how far it reaches along the line."""
+class Piece(NamedTuple):
+    """A piece of a wall: its paths and its ends along the line."""
 
-    members: IntArray  # indices of the wall's members
+    inliers: IntArray  # indices of the wall's inliers
     low: float  # m
     high: float  # m
 
@@ -43,77 +55,95 @@ class Footprint(NamedTuple):
 
     def pieces(self) -> list["Footprint"]:
         """Return each piece alone."""
-        one = np.arange(len(self.low))
-        return [Footprint(self.line, *(column[i : i + 1] for column in self[1:])) for i in one.tolist()]
+        return [Footprint(self.line, *(column[i : i + 1] for column in self[1:])) for i in range(len(self.low))]
 
     def blocks(self, legs: Legs) -> BoolArray:
-        """Legs (leg,) that would have to pass through."""
-        through, crossing = _crossings(self.line, legs)
+        """Whether (leg,) legs would pass through the wall."""
+        crosses, crossing = _crossings(self.line, legs)
         place = self.line.along(crossing)[:, None]
         hit = (place > self.low) & (place < self.high) & (crossing[:, 2:] < self.top)
-        return through & hit.any(axis=1)
+        return crosses & hit.any(axis=1)
 
 
 def without_strays(wall: Wall) -> tuple[Wall, IntArray]:
-    """Return a wall that many saw where it stands, without the paths that agree with its line elsewhere; their indices.
+    """Remove paths from a well-supported wall that agree with its line but are isolated along it.
 
-    As many as `ASTRAY` of the members may come from anywhere, and lie along all of the line: those of thousands leave
-    no gap in it. They would be ``2 SOLID ASTRAY n / span`` within `SOLID` of each; a member whose company so many of
-    them have by chance that one of it is expected among twenty such walls is left out.
-    """
-    if wall.support <= TELLING:
-        return wall, np.arange(wall.support)
-    along = wall.line.along(wall.points)
-    ranked = np.sort(along)
-    company = np.searchsorted(ranked, along + SOLID, side="right") - np.searchsorted(ranked, along - SOLID) - 1
-    strays = ASTRAY * wall.support
-    # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
-    by_chance = gammainc(np.maximum(company, 1), 2 * SOLID * strays / max(ranked[-1] - ranked[0], 2 * SOLID))
-    kept = np.flatnonzero((company > 0) & (strays * by_chance < 1 / 20))
-    return Wall(wall.all_paths, wall.line, wall.members[kept]), kept
-
-
-def legs_of(wall: Wall) -> Legs:
-    """Both legs of each path, first all from the transmitters, then all from the receivers."""
-    return Legs(np.vstack([wall.paths.tx, wall.paths.rx]), np.vstack([wall.points, wall.points]))
-
-
-def fresnel_reach(wall: Wall) -> FloatArray:
-    """Half length (member,) along the wall of the first Fresnel zone of each path [m].
-
-    With ``d1``, ``d2`` from the reflection point to the antennas and ``cos`` the horizontal cosine of incidence,
-    ``sqrt(wavelength d1 d2 / (d1 + d2)) / cos``: a face that reflects like a mirror is about that long.
-    """
-    first = np.linalg.norm(wall.points - wall.paths.tx, axis=-1)
-    second = np.linalg.norm(wall.points - wall.paths.rx, axis=-1)
-    radius = np.sqrt(wall.paths.wavelength * first * second / (first + second))
-    return np.minimum(radius / np.maximum(wall.incidence, 1e-3), MOST_MARGIN)
-
-
-def stretches(wall: Wall, max_gap: float, legs: Legs | None = None, silent: FloatArray | None = None) -> list[Stretch]:
-    """Cut a wall where it cannot go on.
-
-    A stretch ends at a gap between reflection points longer than ``max_gap``; at one through which a leg or a
-    direct path passes below the higher of them, for there is a street and not a wall; and at one longer than
-    ``SOLID`` within which ``SILENT`` antenna pairs should have seen a reflection and did not: one alone may have
-    missed it. Each reaches beyond its outermost reflection points by their Fresnel zones, but not into a passage.
+    Up to `STRAY_SHARE` of the inliers may be strays, paths from elsewhere, spread over the whole line: of a wall with
+    thousands of paths they would hide every gap. ``2 SOLID_GAP STRAY_SHARE n / span`` strays are expected within
+    `SOLID_GAP` of a point. An inlier is removed if so many strays are expected to have as much company by chance that
+    one of them is expected among twenty such walls.
 
     Parameters
     ----------
-    legs : Legs, optional
-        Known free.
-    silent : array (n,), optional
-        Where along the wall a reflection was expected in vain [m].
+    wall : Wall
+        Returned as it is if it has at most `MAX_TESTED_PATHS` inliers.
+
+    Returns
+    -------
+    wall : Wall
+    kept : array (inlier,) of int
+        Indices of the inliers that were kept.
     """
-    along = wall.line.along(wall.points)
+    if wall.support <= MAX_TESTED_PATHS:
+        return wall, np.arange(wall.support)
+    along = wall.line.along(wall.reflection_points)
+    ranked = np.sort(along)
+    company = np.searchsorted(ranked, along + SOLID_GAP, side="right") - np.searchsorted(ranked, along - SOLID_GAP) - 1
+    strays = STRAY_SHARE * wall.support
+    # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
+    by_chance = gammainc(np.maximum(company, 1), 2 * SOLID_GAP * strays / max(ranked[-1] - ranked[0], 2 * SOLID_GAP))
+    kept = np.flatnonzero((company > 0) & (strays * by_chance < 1 / 20))
+    return Wall(wall.all_paths, wall.line, wall.inliers[kept]), kept
+
+
+def legs_of(wall: Wall) -> Legs:
+    """Both legs of each path: first all from the transmitters, then all from the receivers."""
+    return Legs(np.vstack([wall.paths.tx, wall.paths.rx]), np.vstack([wall.reflection_points, wall.reflection_points]))
+
+
+def fresnel_margin(wall: Wall) -> FloatArray:
+    """Half length (inlier,) along the wall of the first Fresnel zone of each path, up to `MAX_FRESNEL_MARGIN` [m].
+
+    With the distances ``d1`` and ``d2`` from the reflection point to the antennas and the cosine of incidence ``cos``
+    it is ``sqrt(wavelength d1 d2 / (d1 + d2)) / cos``. A face that reflects specularly is about that long.
+    """
+    first = np.linalg.norm(wall.reflection_points - wall.paths.tx, axis=-1)
+    second = np.linalg.norm(wall.reflection_points - wall.paths.rx, axis=-1)
+    radius = np.sqrt(wall.paths.wavelength * first * second / (first + second))
+    return np.minimum(radius / np.maximum(wall.cos_incidence, 1e-3), MAX_FRESNEL_MARGIN)
+
+
+def cut_wall(wall: Wall, max_gap: float, legs: Legs | None = None, missed: FloatArray | None = None) -> list[Piece]:
+    """Cut a wall into pieces where it cannot be continuous.
+
+    A piece ends at a gap between reflection points
+
+    - that is longer than ``max_gap``,
+    - that a leg or a direct path passes through below the higher of the two points, or
+    - that is longer than `SOLID_GAP` and within which `MIN_MISSED_LINKS` links should have received a reflection and
+      did not.
+
+    Each piece reaches beyond its outermost reflection points by their Fresnel zones, but not into a passage.
+
+    Parameters
+    ----------
+    wall : Wall
+    max_gap : float
+        [m].
+    legs : Legs, optional
+        Legs known to be unobstructed.
+    missed : array (n,), optional
+        Places along the wall of reflections that were expected and not received [m].
+    """
+    along = wall.line.along(wall.reflection_points)
     order = np.argsort(along, kind="stable")
-    along, height = along[order], wall.points[order, 2]
+    along, height = along[order], wall.reflection_points[order, 2]
     gap = np.diff(along)
     ends = gap > max_gap
     passages = np.empty(0)
     if legs is not None:
-        through, crossing = _crossings(wall.line, legs)
-        place, up = wall.line.along(crossing[through]), crossing[through, 2]
+        crosses, crossing = _crossings(wall.line, legs)
+        place, up = wall.line.along(crossing[crosses]), crossing[crosses, 2]
         between = np.searchsorted(along, place)
         inside = (between > 0) & (between < len(along))
         left = between[inside] - 1
@@ -121,45 +151,50 @@ def stretches(wall: Wall, max_gap: float, legs: Legs | None = None, silent: Floa
         ends[left[below]] = True
         near = np.clip(between, 0, len(along) - 1)
         passages = place[up < np.maximum(height[near], height[np.maximum(near - 1, 0)])]
-    if silent is not None and len(silent):
-        between = np.searchsorted(along, silent)
+    if missed is not None and len(missed):
+        between = np.searchsorted(along, missed)
         left = between[(between > 0) & (between < len(along))] - 1
-        ends |= (np.bincount(left, minlength=len(gap)) >= SILENT) & (gap > SOLID)
-    reach = fresnel_reach(wall)[order]
-    result = []
+        ends |= (np.bincount(left, minlength=len(gap)) >= MIN_MISSED_LINKS) & (gap > SOLID_GAP)
+    margin = fresnel_margin(wall)[order]
+    pieces = []
     for run in np.split(np.arange(len(along)), np.flatnonzero(ends) + 1):
         low, high = along[run[0]], along[run[-1]]
         below_low, above_high = passages[passages < low], passages[passages > high]
-        low_end = max(low - reach[run[0]], (low + below_low.max()) / 2 if len(below_low) else -np.inf)
-        high_end = min(high + reach[run[-1]], (high + above_high.min()) / 2 if len(above_high) else np.inf)
-        result.append(Stretch(order[run], float(low_end), float(high_end)))
-    return result
+        low_end = max(low - margin[run[0]], (low + below_low.max()) / 2 if len(below_low) else -np.inf)
+        high_end = min(high + margin[run[-1]], (high + above_high.min()) / 2 if len(above_high) else np.inf)
+        pieces.append(Piece(order[run], float(low_end), float(high_end)))
+    return pieces
 
 
-def footprint(wall: Wall, pieces: list[Stretch]) -> Footprint:
-    """Where a wall is known to stand."""
-    top = [wall.points[piece.members, 2].max() for piece in pieces]
+def footprint(wall: Wall, pieces: list[Piece]) -> Footprint:
+    """Footprint of a wall's pieces."""
+    top = [wall.reflection_points[piece.inliers, 2].max() for piece in pieces]
     low, high = [piece.low for piece in pieces], [piece.high for piece in pieces]
     return Footprint(wall.line, np.array(low), np.array(high), np.array(top))
 
 
-def expected_places(line: Line, tx: FloatArray, rx: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Antenna pairs in front of a line, and where along it (pair,) it would reflect their paths [m]."""
-    behind, before = line.depth(tx), line.depth(rx)
-    front = np.flatnonzero((behind > CLEARANCE) & (before > CLEARANCE))
-    share = before[front] / (behind[front] + before[front])
-    here, there = line.along(rx[front]), line.along(tx[front])
-    return front, here + share * (there - here)
+def solid_footprint(wall: Wall) -> Footprint:
+    """Footprint of a wall where its own reflection points show that it stands, without gaps over `SOLID_GAP`."""
+    return footprint(wall, cut_wall(wall, SOLID_GAP))
 
 
-def ends_of(wall: Wall, piece: Stretch) -> FloatArray:
+def expected_reflections(line: Line, tx: FloatArray, rx: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Antenna pairs (pair,) in front of a line, and where along it (pair,) it would reflect their paths [m]."""
+    far, near = line.signed_distance(tx), line.signed_distance(rx)
+    front = np.flatnonzero((far > CLEARANCE) & (near > CLEARANCE))
+    share = near[front] / (far[front] + near[front])
+    of_rx, of_tx = line.along(rx[front]), line.along(tx[front])
+    return front, of_rx + share * (of_tx - of_rx)
+
+
+def piece_ends(wall: Wall, piece: Piece) -> FloatArray:
     """End points (2, 2) of a piece [m]."""
     return wall.line.foot() + np.array([[piece.low], [piece.high]]) * wall.line.direction()
 
 
 def _crossings(line: Line, legs: Legs) -> tuple[BoolArray, FloatArray]:
-    """Which legs (leg,) pass from before to behind a line, and where (leg, 3) [m]."""
-    start, end = line.depth(legs.start), line.depth(legs.end)
-    through = (np.minimum(start, end) < -CLEARANCE) & (np.maximum(start, end) > CLEARANCE)
-    share = np.where(through, start, 0.0) / np.where(through, start - end, 1.0)
-    return through, legs.start + share[:, None] * (legs.end - legs.start)
+    """Whether legs (leg,) cross a line, and where (leg, 3) [m]."""
+    start, end = line.signed_distance(legs.start), line.signed_distance(legs.end)
+    crosses = (np.minimum(start, end) < -CLEARANCE) & (np.maximum(start, end) > CLEARANCE)
+    share = np.where(crosses, start, 0.0) / np.where(crosses, start - end, 1.0)
+    return crosses, legs.start + share[:, None] * (legs.end - legs.start)

@@ -1,15 +1,15 @@
-"""Lines of walls: one with its covariance, or many in arrays."""
+"""Lines of walls, seen from above: one with its covariance, or many in arrays."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from erm.geometry.vertical import FloatArray, face_line, line_covariance, mirrored, unit
-from erm.reconstruction.model.paths import BoolArray, IntArray, Paths, Rays
+from erm.reconstruction.model.paths import BoolArray, IntArray, PathColumns, Paths
 
 
 class Frame(NamedTuple):
-    """A line in numbers, or one line a path in arrays (path,): ``n.(p - pivot) = offset``, ``n`` a unit vector."""
+    """Coordinates of a line ``n.(p - pivot) = offset``, ``n`` a unit vector; numbers, or one line a path (path,)."""
 
     nx: FloatArray | float
     ny: FloatArray | float
@@ -17,34 +17,35 @@ class Frame(NamedTuple):
     px: FloatArray | float  # m
     py: FloatArray | float  # m
 
-    def depth(self, points: FloatArray) -> FloatArray:
-        """Signed distance (...) of points (..., 2 or more) in front of the line [m]."""
-        return self.before(points[..., 0], points[..., 1])
+    def signed_distance(self, points: FloatArray) -> FloatArray:
+        """Distance (...) of points (..., 2 or more) from the line, positive in front of it [m]."""
+        return self.signed_distance_at(points[..., 0], points[..., 1])
 
-    def before(self, east: FloatArray, north: FloatArray) -> FloatArray:
-        """Signed distance (...) of points in columns (...) in front of the line [m]."""
+    def signed_distance_at(self, east: FloatArray, north: FloatArray) -> FloatArray:
+        """Distance (...) of points in columns (...) from the line, positive in front of it [m]."""
         return (east - self.px) * self.nx + (north - self.py) * self.ny - self.offset
 
     def along(self, points: FloatArray) -> FloatArray:
-        """Coordinate (...) of points (..., 2 or more) along the line, left of its normal [m]."""
+        """Coordinate (...) of points (..., 2 or more) along the line, to the left of its normal [m]."""
         return (points[..., 1] - self.py) * self.nx - (points[..., 0] - self.px) * self.ny
 
-    def bounce(self, rays: Rays) -> tuple[FloatArray, FloatArray]:
-        """Return where (path,), east and north, paths bounce off [m].
+    def reflection_points(self, paths: PathColumns) -> tuple[FloatArray, FloatArray]:
+        """Reflection points of paths (path,), east and north [m].
 
-        It depends on the antennas and the wall alone, so it is better by far than a point from one azimuth.
+        They depend on the antennas and the line only. This is far more accurate than a point from one azimuth.
         """
-        near, far = self.before(rays.rx_east, rays.rx_north), self.before(rays.tx_east, rays.tx_north)
+        near = self.signed_distance_at(paths.rx_east, paths.rx_north)
+        far = self.signed_distance_at(paths.tx_east, paths.tx_north)
         share = near / (far + near)
-        east = rays.rx_east + share * (rays.tx_east - 2 * far * self.nx - rays.rx_east)
-        north = rays.rx_north + share * (rays.tx_north - 2 * far * self.ny - rays.rx_north)
+        east = paths.rx_east + share * (paths.tx_east - 2 * far * self.nx - paths.rx_east)
+        north = paths.rx_north + share * (paths.tx_north - 2 * far * self.ny - paths.rx_north)
         return east, north
 
 
 class Line(NamedTuple):
-    """A wall's line, with the covariance of (normal, offset from ``pivot``).
+    """Line of a wall, with the covariance of (normal, offset from ``pivot``).
 
-    About a pivot amid its reflection points a line's direction and offset are all but uncorrelated, and a
+    With a pivot in the middle of the reflection points, direction and offset are almost uncorrelated, and a
     campaign far from the origin loses no digits.
     """
 
@@ -54,29 +55,29 @@ class Line(NamedTuple):
     pivot: FloatArray  # (2,) m
 
     def frame(self) -> Frame:
-        """Return the line in numbers."""
+        """Return the coordinates of the line."""
         nx, ny = unit(self.normal).tolist()
         px, py = self.pivot.tolist()
         return Frame(nx, ny, self.offset, px, py)
 
-    def about(self, pivot: FloatArray) -> "Line":
-        """Return the same line with its offset counted from another point."""
-        return Lines.of([self]).about(pivot[None]).one(0)
+    def with_pivot(self, pivot: FloatArray) -> "Line":
+        """Return the same line with its offset measured from another point (2,)."""
+        return Lines.from_list([self]).with_pivot(pivot[None]).line(0)
 
-    def depth(self, points: FloatArray) -> FloatArray:
-        """Signed distance (...) of points (..., 2 or more) in front of the line [m]."""
-        return self.frame().depth(points)
+    def signed_distance(self, points: FloatArray) -> FloatArray:
+        """Distance (...) of points (..., 2 or more) from the line, positive in front of it [m]."""
+        return self.frame().signed_distance(points)
 
     def direction(self) -> FloatArray:
-        """Unit vector along the line, left of its normal."""
+        """Unit vector (2,) along the line, to the left of its normal."""
         return unit(self.normal + 90)
 
     def foot(self) -> FloatArray:
-        """Point of the line nearest to the pivot [m]."""
+        """Point (2,) of the line that is nearest to the pivot [m]."""
         return self.pivot + self.offset * unit(self.normal)
 
     def along(self, points: FloatArray) -> FloatArray:
-        """Coordinate (...) of points (..., 2 or more) along the line, left of its normal [m]."""
+        """Coordinate (...) of points (..., 2 or more) along the line, to the left of its normal [m]."""
         return self.frame().along(points)
 
 
@@ -89,7 +90,7 @@ class Lines(NamedTuple):
     pivot: FloatArray  # (line, 2) m
 
     @classmethod
-    def of(cls, lines: list[Line]) -> "Lines":
+    def from_list(cls, lines: list[Line]) -> "Lines":
         """Return lines in arrays."""
         return cls(
             np.array([line.normal for line in lines], dtype=float),
@@ -98,27 +99,27 @@ class Lines(NamedTuple):
             np.array([line.pivot for line in lines], dtype=float).reshape(-1, 2),
         )
 
-    def one(self, number: int) -> Line:
+    def line(self, number: int) -> Line:
         """Return one of them."""
         normal, offset, covariance, pivot = self
         return Line(float(normal[number]), float(offset[number]), covariance[number], pivot[number])
 
     def take(self, lines: IntArray | BoolArray | slice) -> "Lines":
-        """Return those of an index or mask."""
+        """Return the lines of an index or mask."""
         return Lines(*(value[lines] for value in self))
 
-    def put(self, lines: IntArray | BoolArray, others: "Lines") -> "Lines":
-        """Return these with those of an index or mask replaced."""
+    def with_replaced(self, lines: IntArray | BoolArray, others: "Lines") -> "Lines":
+        """Return these lines, those of an index or mask replaced by others."""
         return Lines(*(_replaced(mine, lines, theirs) for mine, theirs in zip(self, others, strict=True)))
 
     def frames(self, of: IntArray | None = None) -> Frame:
-        """Return the line (path,) of each path, or each line as it is."""
+        """Return the coordinates of the line (path,) of each path, or of each line."""
         n = unit(self.normal)
         columns = (n[:, 0], n[:, 1], self.offset, self.pivot[:, 0], self.pivot[:, 1])
         return Frame(*(columns if of is None else (column[of] for column in columns)))
 
-    def about(self, pivot: FloatArray) -> "Lines":
-        """Return the same lines with their offsets counted from other points (line, 2)."""
+    def with_pivot(self, pivot: FloatArray) -> "Lines":
+        """Return the same lines with their offsets measured from other points (line, 2)."""
         n = unit(self.normal)
         shift = pivot - self.pivot
         slope = np.deg2rad(shift[:, 0] * n[:, 1] - shift[:, 1] * n[:, 0])
@@ -130,33 +131,33 @@ class Lines(NamedTuple):
         return Lines(self.normal, self.offset - np.sum(n * shift, axis=-1), covariance, pivot)
 
 
-def anchors(line: Line, tx: FloatArray) -> FloatArray:
-    """Mirror images (path, 2) of the transmitters in a wall [m]."""
+def mirror_images(line: Line, tx: FloatArray) -> FloatArray:
+    """Mirror images (..., 2) of transmitters (..., 2 or more) in a wall [m]."""
     return mirrored(tx[..., :2] - line.pivot, line.normal, line.offset) + line.pivot
 
 
-def bounce_points(line: Line, tx: FloatArray, rx: FloatArray) -> FloatArray:
-    """Where (path, 3) the wall reflects the path of each pair of antennas [m]."""
+def reflection_points(line: Line, tx: FloatArray, rx: FloatArray) -> FloatArray:
+    """Points (path, 3) where a wall reflects the path of each pair of antennas (path, 3) [m]."""
     frame = line.frame()
-    before, behind = frame.depth(rx), frame.depth(tx)
-    image = np.stack([tx[:, 0] - 2 * behind * frame.nx, tx[:, 1] - 2 * behind * frame.ny, tx[:, 2]], axis=-1)
-    return rx + (before / (behind + before))[:, None] * (image - rx)
+    near, far = frame.signed_distance(rx), frame.signed_distance(tx)
+    image = np.stack([tx[:, 0] - 2 * far * frame.nx, tx[:, 1] - 2 * far * frame.ny, tx[:, 2]], axis=-1)
+    return rx + (near / (far + near))[:, None] * (image - rx)
 
 
-def seed_lines(path: Paths) -> Lines:
-    """Line of the face of each path, about the middle between its antennas."""
-    pivot = (path.tx[:, :2] + path.rx[:, :2]) / 2
-    tx, rx = path.tx.copy(), path.rx.copy()
+def seed_lines(paths: Paths) -> Lines:
+    """Line of the face of each path alone, with the pivot in the middle between its antennas."""
+    pivot = (paths.tx[:, :2] + paths.rx[:, :2]) / 2
+    tx, rx = paths.tx.copy(), paths.rx.copy()
     tx[:, :2] -= pivot
     rx[:, :2] -= pivot
-    normal, offset = face_line(tx, rx, path.length, path.azimuth)
-    covariance = line_covariance(tx, rx, path.length, path.azimuth, path.length_std, path.azimuth_std)
+    normal, offset = face_line(tx, rx, paths.length, paths.azimuth)
+    covariance = line_covariance(tx, rx, paths.length, paths.azimuth, paths.length_std, paths.azimuth_std)
     return Lines(normal, offset, covariance, pivot)
 
 
-def seed_line(path: Paths) -> Line:
+def seed_line(paths: Paths) -> Line:
     """Line of the face of the first path."""
-    return seed_lines(path).one(0)
+    return seed_lines(paths).line(0)
 
 
 def _replaced(values: FloatArray, where: IntArray | BoolArray, by: FloatArray) -> FloatArray:

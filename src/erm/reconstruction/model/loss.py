@@ -1,7 +1,7 @@
-"""What a wall loses: the refractive index that the gains of its paths ask for, each gain trusted as far as its error.
+"""Reflection loss of a wall: the refractive index that the gains of its paths imply.
 
-A gain depends on the antenna in the direction of arrival, so that of a path beyond the edge of the fan may be wrong by
-tens of decibels while its delay and azimuth are good.
+Each gain is weighted by its error. The gain of a path beyond the elevations of the scan may be wrong by tens of
+decibels while its delay and azimuth are good.
 """
 
 import numpy as np
@@ -10,31 +10,40 @@ from erm.geometry.vertical import FloatArray
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.wall import Wall
 
-SCATTER = 3.0  # dB; materials vary along a facade, and two paths in one cell interfere
-SCATTERED = 10.0  # dB; three deviations of a mirrored path
-LEAST_INDEX = 1.05  # refractive index; air has 1
-MOST_AMPLITUDE = 0.98  # reflected; a loss under 0.2 dB is metal and error of gain
+LOSS_SCATTER = 3.0
+"""Standard deviation of the losses of one wall's paths [dB]: materials vary along a facade, and two paths in one
+resolution cell interfere. Chosen; not derived."""
+DIFFUSE_EXCESS_LOSS = 10.0
+"""Loss above that of a wall's specular paths from which a path counts as diffuse [dB]: three times `LOSS_SCATTER`,
+rounded."""
+MIN_REFRACTIVE_INDEX = 1.05
+"""Smallest refractive index of a wall; air has 1. Chosen; not derived."""
+MAX_REFLECTION_AMPLITUDE = 0.98
+"""Largest amplitude reflected: a loss below 0.2 dB is metal and an error of the gain."""
 
 
 def refractive_index_squared(wall: Wall) -> float:
-    """Of a smooth lossless face that loses what the wall does: the weighted median over its paths.
+    """Squared refractive index of a smooth lossless face that loses what a wall does.
 
-    Vertical antennas meet a vertical face with the field across the plane of incidence, where ``|r| = (w - c) /
-    (w + c)``, ``c`` the cosine of incidence and ``w**2 = n**2 - 1 + c**2``; solved, ``w = c (1 + |r|) / (1 - |r|)``.
+    This is the weighted median of the squared indices that the losses of its paths imply.
+
+    The field of vertical antennas is perpendicular to the plane of incidence of a vertical face. With ``c`` the cosine
+    of incidence and ``w**2 = n**2 - 1 + c**2`` the amplitude is ``|r| = (w - c) / (w + c)`` (Fresnel), hence
+    ``w = c (1 + |r|) / (1 - |r|)``.
     """
-    return float(_index2(wall.paths, wall.incidence, _whole(wall.paths))[0])
+    return float(_index_squared(wall.paths, wall.cos_incidence, np.array([0, wall.support]))[0])
 
 
-def reflection_loss(index2: FloatArray | float, cosine: FloatArray) -> FloatArray:
-    """Loss [dB] of the face of `refractive_index_squared` at cosines of incidence (...)."""
-    root = np.sqrt(index2 - 1 + cosine**2)
+def reflection_loss(index_squared: FloatArray | float, cosine: FloatArray) -> FloatArray:
+    """Loss (...) [dB] of the face of `refractive_index_squared` at cosines of incidence (...)."""
+    root = np.sqrt(index_squared - 1 + cosine**2)
     return -20 * np.log10(np.maximum((root - cosine) / (root + cosine), 1e-3))
 
 
-def scattered(paths: Paths, cosine: FloatArray, start: IntArray) -> BoolArray:
-    """Paths (path,) off walls that lose far more than the others of the same for certain: scattered, not mirrored.
+def is_diffuse(paths: Paths, cosine: FloatArray, start: IntArray) -> BoolArray:
+    """Paths (path,) that certainly lose far more than the others of their wall: diffuse, not specular, reflections.
 
-    A rough or broken facade throws weak paths from anywhere along it, and these do not share the image.
+    A rough or broken facade scatters weak paths from anywhere along it. They do not share the wall's virtual anchor.
 
     Parameters
     ----------
@@ -44,36 +53,37 @@ def scattered(paths: Paths, cosine: FloatArray, start: IntArray) -> BoolArray:
         Of incidence.
     start : array (wall + 1,) of int
     """
-    usual = reflection_loss(np.repeat(_index2(paths, cosine, start), np.diff(start)), cosine)
-    return np.asarray(paths.loss - 2 * paths.loss_std > usual + SCATTERED)
+    specular = reflection_loss(np.repeat(_index_squared(paths, cosine, start), np.diff(start)), cosine)
+    return np.asarray(paths.loss - 2 * paths.loss_std > specular + DIFFUSE_EXCESS_LOSS)
 
 
 def loss_at_normal_incidence(wall: Wall) -> float:
-    """What the wall would lose face on [dB]: comparable between walls seen at different angles."""
+    """Loss of a wall at normal incidence [dB], comparable between walls seen at different angles."""
     return float(reflection_loss(refractive_index_squared(wall), np.ones(1))[0])
 
 
-def typical_loss(wall: Wall) -> float:
+def median_loss(wall: Wall) -> float:
     """Weighted median of the losses of a wall's paths [dB]."""
     return weighted_quantile(wall.paths.loss, _weights(wall.paths), 0.5)
 
 
 def loss_error(wall: Wall) -> float:
-    """Standard error of a wall's loss that the errors of its gains leave [dB].
+    """Standard error of a wall's loss that comes from the errors of its gains [dB].
 
-    Elevations beyond the fan are all taken for too low, so the errors of a wall's gains are alike and are not averaged.
+    Elevations beyond those of the scan are all taken for too low, so the errors of a wall's gains are correlated and
+    are not averaged.
     """
     weight = _weights(wall.paths)
     return float(np.sum(weight * wall.paths.loss_std) / np.sum(weight))
 
 
 def weighted_quantile(values: FloatArray, weight: FloatArray, share: float) -> float:
-    """Value below which a share of the weight lies: the midpoints of the weights, joined by straight lines."""
+    """Value below which a share of the weight lies, interpolated linearly between the midpoints of the weights."""
     return float(weighted_quantiles(values, weight, np.array([0, len(values)]), share)[0])
 
 
 def weighted_quantiles(values: FloatArray, weight: FloatArray, start: IntArray, share: float) -> FloatArray:
-    """`weighted_quantile` of each of the stretches of values, the first from ``start[0]`` to ``start[1]``."""
+    """`weighted_quantile` (list,) of each list of values, the first from ``start[0]`` to ``start[1]``."""
     first, last = start[:-1], start[1:] - 1
     of = np.repeat(np.arange(len(first)), np.diff(start))
     order = np.lexsort((values, of))
@@ -89,16 +99,12 @@ def weighted_quantiles(values: FloatArray, weight: FloatArray, start: IntArray, 
     return values[before] + part * (values[after] - values[before])
 
 
-def _index2(paths: Paths, cosine: FloatArray, start: IntArray) -> FloatArray:
-    amplitude = np.clip(10 ** (-paths.loss / 20), 0.0, MOST_AMPLITUDE)
+def _index_squared(paths: Paths, cosine: FloatArray, start: IntArray) -> FloatArray:
+    amplitude = np.clip(10 ** (-paths.loss / 20), 0.0, MAX_REFLECTION_AMPLITUDE)
     root = cosine * (1 + amplitude) / (1 - amplitude)
-    middle = weighted_quantiles(root**2 + 1 - cosine**2, _weights(paths), start, 0.5)
-    return np.maximum(middle, LEAST_INDEX**2)
+    median = weighted_quantiles(root**2 + 1 - cosine**2, _weights(paths), start, 0.5)
+    return np.maximum(median, MIN_REFRACTIVE_INDEX**2)
 
 
 def _weights(paths: Paths) -> FloatArray:
-    return 1 / (paths.loss_std**2 + SCATTER**2)
-
-
-def _whole(paths: Paths) -> IntArray:
-    return np.array([0, len(paths)])
+    return 1 / (paths.loss_std**2 + LOSS_SCATTER**2)

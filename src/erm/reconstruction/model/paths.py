@@ -1,4 +1,4 @@
-"""Measured paths as plain arrays."""
+"""Measured paths as plain arrays, taken from a table once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from erm.common.constants import c
 from erm.geometry.vertical import FloatArray, distinct_rows, virtual_anchor
-from erm.mpcs.selection import rise
+from erm.mpcs.faces import elevation_excess
 from erm.mpcs.table import path_length
 
 if TYPE_CHECKING:
@@ -20,27 +20,27 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 
-class Rays(NamedTuple):
-    """What of measured paths a wall predicts, in columns (path,): these are gathered by the million."""
+class PathColumns(NamedTuple):
+    """The columns (path,) of `Paths` that a line predicts paths from. Loops gather them by the million."""
 
     tx_east: FloatArray  # m
     tx_north: FloatArray  # m
     rx_east: FloatArray  # m
     rx_north: FloatArray  # m
-    climb: FloatArray  # m; of the transmitter above the receiver
+    height_difference: FloatArray  # m, transmitter minus receiver
     length: FloatArray  # m, slant
     azimuth: FloatArray  # degree, of arrival
     length_std: FloatArray  # m
     azimuth_std: FloatArray  # degree
 
-    def take(self, rows: IntArray | BoolArray) -> "Rays":
-        """Return those of an index or mask."""
-        return Rays(*(column[rows] for column in self))
+    def take(self, rows: IntArray | BoolArray) -> "PathColumns":
+        """Return the paths of an index or mask."""
+        return PathColumns(*(column[rows] for column in self))
 
 
 @dataclass(frozen=True)
 class Paths:
-    """Measured paths that may be single bounces, as plain arrays along ``path``.
+    """Measured paths that may be single reflections, as plain arrays along ``path``.
 
     Parameters
     ----------
@@ -51,17 +51,17 @@ class Paths:
     length_std, azimuth_std : array (path,)
         Their standard errors.
     link : array (path,) of int
-        Pair of antennas; a wall makes one path a link.
+        Pair of antennas. A wall has at most one path of a link.
     transmitter : array (path,) of int
-        Number of the place where the transmitter stood.
+        Number of the transmitter's position.
     loss, loss_std : array (path,)
         Reflection loss and its standard error [dB].
     wavelength : array (path,)
         [m].
-    rise, rise_std : array (path,)
-        Elevation less that of a path off vertical faces, and its standard error [degree]; NaN if not known.
+    elevation_excess, elevation_std : array (path,)
+        Elevation minus that of a path off vertical walls, and its standard error [degree]; NaN if unknown.
     row : array (path,) of int
-        Row of the table; hypotheses on one component share it.
+        Row of the table. Hypotheses about one MPC share a row.
     """
 
     tx: FloatArray
@@ -75,8 +75,8 @@ class Paths:
     loss: FloatArray
     loss_std: FloatArray
     wavelength: FloatArray
-    rise: FloatArray
-    rise_std: FloatArray
+    elevation_excess: FloatArray
+    elevation_std: FloatArray
     row: IntArray
 
     @classmethod
@@ -95,8 +95,8 @@ class Paths:
             loss=table["reflection_loss"].values,
             loss_std=table["reflection_loss_std"].values,
             wavelength=c / table["frequency"].values,
-            rise=rise(table),
-            rise_std=table["elevation_std"].values,
+            elevation_excess=elevation_excess(table),
+            elevation_std=table["elevation_std"].values,
             row=np.arange(table.sizes["mpc"]),
         )
 
@@ -109,12 +109,12 @@ class Paths:
         return len(self.length)
 
     @cached_property
-    def rays(self) -> Rays:
-        """What of them a wall predicts."""
+    def columns(self) -> PathColumns:
+        """The columns that a line predicts paths from, contiguous in memory."""
         (tx_east, tx_north, tx_up), (rx_east, rx_north, rx_up) = (
             np.ascontiguousarray(end.T) for end in (self.tx, self.rx)
         )
-        return Rays(
+        return PathColumns(
             tx_east,
             tx_north,
             rx_east,
@@ -134,6 +134,6 @@ class Paths:
         """Return the same paths with other standard errors."""
         return replace(self, length_std=length_std, azimuth_std=azimuth_std)
 
-    def anchors(self) -> FloatArray:
+    def virtual_anchors(self) -> FloatArray:
         """Mirror image (path, 2) of the transmitter that each path points to [m]."""
         return virtual_anchor(self.tx, self.rx, self.length, self.azimuth)

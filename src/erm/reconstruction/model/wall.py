@@ -1,8 +1,8 @@
-"""One wall and the paths off it: what it predicts, and where it stands.
+"""One wall and the paths off it.
 
-A wall is the line ``n.p = offset``. It predicts the length and azimuth of its path at every pair of antennas,
-so a set of measured paths is fitted in the measured quantities themselves: the small error of the delay and
-the large one of the azimuth keep their weights, and a wall seen from several transmitters is one wall.
+A wall is the line ``n.p = offset``. It predicts the length and azimuth of its path at every pair of antennas, so it is
+fitted in the measured quantities themselves: the small error of the delay and the large one of the azimuth keep their
+weights, and a wall seen from several transmitters is one wall.
 """
 
 from dataclasses import dataclass
@@ -11,67 +11,75 @@ from functools import cached_property
 import numpy as np
 
 from erm.geometry.vertical import FloatArray
-from erm.reconstruction.model.fit import chi_squared, residuals
-from erm.reconstruction.model.line import Line, bounce_points
+from erm.reconstruction.model.fit import EXACT_LINE, chi_squared, residuals
+from erm.reconstruction.model.line import Frame, Line, reflection_points
 from erm.reconstruction.model.paths import IntArray, Paths
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """A line, its member paths and where they bounced."""
+    """A line and its inliers: the paths that agree with it, at most one a link.
+
+    Parameters
+    ----------
+    all_paths : Paths
+    line : Line
+    inliers : array (inlier,) of int
+        Rows of ``all_paths``.
+    """
 
     all_paths: Paths
     line: Line
-    members: IntArray
+    inliers: IntArray
 
     @cached_property
     def paths(self) -> Paths:
-        """Member paths."""
-        return self.all_paths.take(self.members)
+        """The inliers."""
+        return self.all_paths.take(self.inliers)
 
     @cached_property
-    def points(self) -> FloatArray:
-        """Reflection points (member, 3) on the wall [m]."""
-        return bounce_points(self.line, self.paths.tx, self.paths.rx)
+    def reflection_points(self) -> FloatArray:
+        """Reflection points (inlier, 3) on the wall [m]."""
+        return reflection_points(self.line, self.paths.tx, self.paths.rx)
 
     @property
     def support(self) -> int:
         """Number of antenna pairs that saw the wall."""
-        return len(self.members)
+        return len(self.inliers)
 
     @cached_property
-    def misfits(self) -> FloatArray:
-        """Chi-squared (member,) of each path, the line taken as exact."""
-        return chi_squared(self.paths.rays, residuals(self.paths.rays, self.line.frame()), (0.0, 0.0, 0.0))
+    def chi_squared(self) -> FloatArray:
+        """Chi-squared (inlier,) of each path against the line, the line taken as exact."""
+        return chi_squared(self.paths.columns, residuals(self.paths.columns, self.line.frame()), EXACT_LINE)
 
-    def thinned(self, most: int) -> "Wall":
-        """Return the wall with at most so many of its paths, evenly along it: they tell where others pass as well."""
-        if self.support <= most:
+    def thinned(self, count: int) -> "Wall":
+        """Return the wall with at most so many of its paths, evenly spread along it."""
+        if self.support <= count:
             return self
-        along = np.argsort(self.line.along(self.points), kind="stable")
-        kept = along[np.linspace(0, self.support - 1, most).astype(np.int64)]
-        return Wall(self.all_paths, self.line, self.members[np.sort(kept)])
+        along = np.argsort(self.line.along(self.reflection_points), kind="stable")
+        kept = along[np.linspace(0, self.support - 1, count).astype(np.int64)]
+        return Wall(self.all_paths, self.line, self.inliers[np.sort(kept)])
 
     @property
-    def strain(self) -> float:
-        """Chi-squared a degree of freedom; far above 1 where the standard errors were too small."""
-        return float(np.sum(self.misfits) / max(2 * self.support - 2, 1))
+    def reduced_chi_squared(self) -> float:
+        """Chi-squared per degree of freedom; far above 1 where the standard errors are too small."""
+        return float(np.sum(self.chi_squared) / max(2 * self.support - 2, 1))
 
     @property
-    def rise(self) -> tuple[float, float]:
-        """Weighted mean of what the elevations exceed those of vertical faces by, and its error [degree]."""
-        seen = np.isfinite(self.paths.rise)
-        if not seen.any():
+    def mean_elevation_excess(self) -> tuple[float, float]:
+        """Weighted mean of the elevations minus those of vertical walls, and its standard error [degree]."""
+        known = np.isfinite(self.paths.elevation_excess)
+        if not known.any():
             return 0.0, np.inf
-        weight = 1 / self.paths.rise_std[seen] ** 2
-        return float(np.sum(weight * self.paths.rise[seen]) / weight.sum()), float(weight.sum() ** -0.5)
+        weight = 1 / self.paths.elevation_std[known] ** 2
+        return float(np.sum(weight * self.paths.elevation_excess[known]) / weight.sum()), float(weight.sum() ** -0.5)
 
     @cached_property
-    def incidence(self) -> FloatArray:
-        """Cosine (member,) of the angle of incidence, in three dimensions."""
-        return cosine_of_incidence(self.paths, self.line)
+    def cos_incidence(self) -> FloatArray:
+        """Cosine (inlier,) of the angle of incidence, in three dimensions."""
+        return cos_incidence(self.paths, self.line.frame())
 
 
-def cosine_of_incidence(paths: Paths, line: Line) -> FloatArray:
-    """Cosine (path,) of the angle at which paths meet a wall, in three dimensions."""
-    return np.clip((line.depth(paths.tx) + line.depth(paths.rx)) / paths.length, 0, 1)
+def cos_incidence(paths: Paths, frame: Frame) -> FloatArray:
+    """Cosine (path,) of the angle of incidence of paths on a line, or each on one, in three dimensions."""
+    return np.clip((frame.signed_distance(paths.tx) + frame.signed_distance(paths.rx)) / paths.length, 0, 1)

@@ -1,1 +1,1 @@
-"""Point scatterers and cylinders."""
+"""Poles: paths that share a reflection point."""

@@ -1,1 +1,1 @@
-"""The search for mirror images that many paths share."""
+"""The search for virtual anchors that many paths share."""

@@ -1,7 +1,7 @@
-"""Groups that agree by chance: where paths are many and their errors wide, some always point to one image.
+"""False alarms: where paths are many and their errors large, some of them always share an image by chance.
 
-As an astronomer counts photons beside a star: the paths just outside the gate of a line tell how many would be inside
-it without any wall.
+The background is counted as in photometry, in a ring: the paths just outside the gate of a line tell how many would be
+inside it without a wall.
 """
 
 from collections.abc import Sequence
@@ -10,74 +10,81 @@ import numpy as np
 from scipy.special import gammainc
 
 from erm.geometry.vertical import FloatArray
-from erm.reconstruction.model.fit import misfits
+from erm.reconstruction.model.fit import CHI_SQUARED_GATE, misfits
 from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.images import GATE, Images
+from erm.reconstruction.search.images import BATCH_LINES, Images
 
-RING = 3.0  # outer radius of the ring that is counted, in radii of the gate
-ASTRAY = 0.1  # share of members that others disturbed
-UNSEEN = 0.5  # paths; Jeffreys: where none was counted the rate is not nought
-FREE = 2  # members that agree because the line was laid through them
-PLENTY = 40  # links that never agree by chance
-THOUSAND = 6.9  # log odds
-LINES = 64  # looked at in one go
+RING_RADIUS = 3.0
+"""Outer radius of the ring in which the background is counted, in radii of the gate. Chosen; not derived."""
+DISTURBED_SHARE = 0.1
+"""Share of inliers that other paths disturb, so that they lie anywhere in the gate. Chosen; not derived."""
+JEFFREYS_COUNT = 0.5
+"""Count added to a background, so that its rate is positive where none was counted (Jeffreys prior)."""
+FITTED_INLIERS = 2
+"""Inliers that agree in any case: a line has two parameters and was started from two paths."""
+SURE_SUPPORT = 40
+"""Links that never share an image by chance. Chosen; not derived."""
+FALSE_ALARM_LOG_ODDS = -6.9
+"""Log odds below which a group is a false alarm: ``-ln 1000``."""
 
 
-def odds_against_chance(walls: Sequence[Wall], asked: Sequence[bool]) -> FloatArray:
-    """Log odds (wall,) of the candidates asked for to be one image and not an accident; infinite for the others.
+def log_odds_against_false_alarm(walls: Sequence[Wall], asked: Sequence[bool]) -> FloatArray:
+    """Log odds (wall,) of the candidates asked for to be one image and no false alarm; infinite for the others.
 
-    With ``n`` paths in the ring from one to `RING` radii of the gate, the gate holds ``m = (n + 1/2) / (RING**2 - 1)``
-    by chance, and of ``N`` searches, one from each path, ``N P(Poisson(m) >= support - FREE)`` find as large a group.
-    Chance also spreads its members evenly over the gate, while chi-squared of true ones is of 2 degrees of freedom:
-    each adds the logarithm of ``(1 - ASTRAY) GATE / 2 exp(-chi2 / 2) + ASTRAY``. Members of larger candidates are
-    accounted for and do not count as paths from nowhere.
+    With ``n`` paths in the ring from 1 to `RING_RADIUS` radii of the gate, the gate holds
+    ``m = (n + 1/2) / (RING_RADIUS**2 - 1)`` by chance. Of ``N`` searches, one from each path,
+    ``N P(Poisson(m) >= support - FITTED_INLIERS)`` then find a group as large. Chance also spreads its inliers evenly
+    over the gate, while the chi-squared of true inliers has 2 degrees of freedom: each inlier adds the logarithm of
+    ``(1 - DISTURBED_SHARE) gate / 2 exp(-chi2 / 2) + DISTURBED_SHARE``. Inliers of larger candidates are explained and
+    do not count as background.
     """
-    return _odds(walls, np.flatnonzero(asked))[0]
+    return _log_odds(walls, np.flatnonzero(asked))[0]
 
 
-def accidental(walls: Sequence[Wall]) -> BoolArray:
-    """Candidates (wall,) that are a thousand times likelier to be accidents than images.
+def are_false_alarms(walls: Sequence[Wall]) -> BoolArray:
+    """Candidates (wall,) that are a thousand times more likely to be false alarms than images.
 
-    Where paths from nowhere are so many that each image has others beside it, groups of three or four outnumber walls.
+    Where clutter is so dense that every image has others beside it, groups of three or four outnumber walls.
     """
-    few = np.flatnonzero([wall.support < PLENTY for wall in walls])
-    odds, accidents = _odds(walls, few)
-    return (odds < -THOUSAND) & (accidents > 1)
+    log_odds, expected = _log_odds(walls, np.flatnonzero([wall.support < SURE_SUPPORT for wall in walls]))
+    return (log_odds < FALSE_ALARM_LOG_ODDS) & (expected > 1)
 
 
-def _odds(walls: Sequence[Wall], some: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Log odds (wall,) of some of the candidates, and how many accidents (wall,) make as large a group."""
-    odds, accidents = np.full(len(walls), np.inf), np.zeros(len(walls))
+def _log_odds(walls: Sequence[Wall], some: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Log odds (wall,) of some of the candidates, and the expected number (wall,) of false alarms as large."""
+    log_odds, expected = np.full(len(walls), np.inf), np.zeros(len(walls))
     if not len(some):
-        return odds, accidents
+        return log_odds, expected
     support = np.array([wall.support for wall in walls], dtype=np.int64)
     paths = walls[0].all_paths
-    chance = (_about(Images(paths), walls, some) + UNSEEN) / (RING**2 - 1)
+    by_chance = (_count_in_ring(Images(paths), walls, some) + JEFFREYS_COUNT) / (RING_RADIUS**2 - 1)
     # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
-    accidents[some] = len(paths) * gammainc(np.maximum(support[some] - FREE, 1), chance)
-    fit = [np.log((1 - ASTRAY) * GATE / 2 * np.exp(-walls[i].misfits / 2) + ASTRAY).sum() for i in some.tolist()]
-    odds[some] = np.array(fit) - np.log(np.maximum(accidents[some], 1.0))
-    return odds, accidents
+    expected[some] = len(paths) * gammainc(np.maximum(support[some] - FITTED_INLIERS, 1), by_chance)
+    density = [(1 - DISTURBED_SHARE) * CHI_SQUARED_GATE / 2 * np.exp(-walls[i].chi_squared / 2) for i in some.tolist()]
+    fit = [np.log(own + DISTURBED_SHARE).sum() for own in density]
+    log_odds[some] = np.array(fit) - np.log(np.maximum(expected[some], 1.0))
+    return log_odds, expected
 
 
-def _about(images: Images, walls: Sequence[Wall], some: IntArray) -> IntArray:
-    """Number of paths in the ring about each of some walls that no larger wall accounts for."""
+def _count_in_ring(images: Images, walls: Sequence[Wall], some: IntArray) -> IntArray:
+    """Number of paths in the ring about each of some walls that no larger wall explains."""
     paths = images.paths
     support = np.array([wall.support for wall in walls], dtype=np.int64)
     size, owner = np.zeros(len(paths), dtype=np.int64), np.full(len(paths), -1)
     for number, wall in enumerate(walls):
-        larger = wall.members[size[wall.members] < wall.support]
+        larger = wall.inliers[size[wall.inliers] < wall.support]
         size[larger], owner[larger] = wall.support, number
-    images = images.without(size <= support[some].max())
+    images = images.restricted_to_free(size <= support[some].max())
     counts = []
-    for first in range(0, len(some), LINES):
-        part = some[first : first + LINES]
-        lines = Lines.of([walls[i].line for i in part.tolist()])
-        of, rows = images.about(lines, RING)
-        free = np.flatnonzero((size[rows] <= support[part[of]]) & (owner[rows] != part[of]))
-        of, rows = of[free], rows[free]
-        chi2 = misfits(paths.rays, rows, lines, of)
-        counts.append(np.bincount(of[(chi2 > GATE) & (chi2 < RING**2 * GATE)], minlength=len(part)))
+    for first in range(0, len(some), BATCH_LINES):
+        part = some[first : first + BATCH_LINES]
+        lines = Lines.from_list([walls[i].line for i in part.tolist()])
+        of, rows = images.near_lines(lines, RING_RADIUS)
+        background = np.flatnonzero((size[rows] <= support[part[of]]) & (owner[rows] != part[of]))
+        of, rows = of[background], rows[background]
+        chi2 = misfits(paths.columns, rows, lines, of)
+        inside = (chi2 > CHI_SQUARED_GATE) & (chi2 < RING_RADIUS**2 * CHI_SQUARED_GATE)
+        counts.append(np.bincount(of[inside], minlength=len(part)))
     return np.concatenate(counts)

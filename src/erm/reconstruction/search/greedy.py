@@ -1,7 +1,7 @@
-"""Groups taken in turns, each from what the earlier ones left, although many are tried at once.
+"""Greedy selection: groups are taken one after another, each from what the earlier ones left free.
 
-What a trial finds depends on some paths being free. As long as none of these is taken, it finds the same later; so
-trials are made ahead of their turn, and those that an earlier group has spoiled are made again.
+Many trials are made at once. What a trial finds depends on some paths being free. As long as none of these is taken it
+would find the same later, so its result is kept; a trial that an earlier group has invalidated is repeated.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -13,43 +13,44 @@ from erm.reconstruction.model.line import Line
 from erm.reconstruction.model.paths import BoolArray, IntArray
 from erm.reconstruction.model.ragged import Ragged
 
-FEW, MANY = 64, 2048  # trials made in one go: few while most find a group, and so spoil others
+MIN_BATCH, MAX_BATCH = 64, 2048
+"""Trials made at once: few while most of them find a group and so invalidate others. Chosen; not derived."""
 
 
 class Group(NamedTuple):
-    """A line and the paths that agree with it, at most one a link."""
+    """A line and its inliers: rows of the paths that agree with it, at most one a link."""
 
     line: Line
-    members: IntArray
+    inliers: IntArray
 
 
-class Found(Protocol):
+class HasInliers(Protocol):
     """Something that paths agree on."""
 
     @property
-    def members(self) -> IntArray:
+    def inliers(self) -> IntArray:
         """Rows of the paths."""
 
 
-F = TypeVar("F", bound=Found)
+F = TypeVar("F", bound=HasInliers)
 
 
 class Trial(NamedTuple, Generic[F]):
-    """What a turn would find, if anything, and the paths that must be free for it when the turn comes."""
+    """What a seed would find, if anything, and the paths that must be free for the same result later."""
 
     found: F | None
-    seen: IntArray
+    depends_on: IntArray
 
 
-class Turns(Generic[F]):
-    """What has been found and what is free.
+class GreedySelection(Generic[F]):
+    """What has been found, and which paths are free.
 
     Parameters
     ----------
     row : array (path,) of int
-        Row of the table; when one path of a row is taken, all are.
+        Row of the table. When one path of a row is taken, all are.
     min_support : int
-        Fewest members of what is found.
+        Fewest inliers of what is found.
     """
 
     def __init__(self, row: IntArray, min_support: int) -> None:
@@ -58,72 +59,75 @@ class Turns(Generic[F]):
         self._min_support = min_support
         _, self._row = np.unique(row, return_inverse=True)
         order = np.argsort(self._row, kind="stable")
-        self._of_row = Ragged.of_pairs(self._row[order], order, int(self._row.max(initial=-1)) + 1)
+        self._of_row = Ragged.from_pairs(self._row[order], order, int(self._row.max(initial=-1)) + 1)
 
-    def take(
+    def run(
         self,
         order: IntArray,
-        trials: Callable[[IntArray, BoolArray], Sequence[Trial[F] | None]],
+        try_seeds: Callable[[IntArray, BoolArray], Sequence[Trial[F] | None]],
         partners: Ragged | None = None,
     ) -> None:
-        """Let each have its turn.
+        """Take what seeds find, seed after seed.
 
         Parameters
         ----------
-        order : array (turn,) of int
-            Whose turn it is.
-        trials : callable
-            What some of them (some,) would find while paths (path,) are free; of all but the first None if they are
-            better tried later.
+        order : array (seed,) of int
+            Seeds in their order.
+        try_seeds : callable
+            What some seeds (n,) would find while paths (path,) are free. For all but the first it may return None, if
+            they are better tried later.
         partners : Ragged, optional
-            If they are paths: those likely to be in one group with each. Paths that are taken lose their turn.
+            If seeds are paths: the paths likely to be in one group with each. Seeds that are taken are skipped.
         """
         waiting: dict[int, Trial[F]] = {}
-        many, fruitful = FEW, True
+        batch, fruitful = MIN_BATCH, True
         while len(order):
             if partners is not None:
                 order = order[self.free[order]]
-            chosen = _ahead(order, waiting, many, partners if fruitful else None)
-            made = zip(chosen, trials(np.array(chosen, dtype=np.int64), self.free), strict=True)
-            tried = {one: trial for one, trial in made if trial is not None}
+            chosen = _next_batch(order, waiting, batch, partners if fruitful else None)
+            results = zip(chosen, try_seeds(np.array(chosen, dtype=np.int64), self.free), strict=True)
+            tried = {seed: trial for seed, trial in results if trial is not None}
             waiting |= tried
-            done = gone = 0
+            used = passed = 0
             before = len(self.found)
-            for one in order.tolist():
-                if partners is None or self.free[one]:
-                    # nothing is spoiled as long as nothing is found
-                    if one not in waiting or not (len(self.found) == before or self.free[waiting[one].seen].all()):
+            for seed in order.tolist():
+                if partners is None or self.free[seed]:
+                    # no trial is invalid as long as nothing is found
+                    if seed not in waiting or not (len(self.found) == before or self._is_valid(waiting[seed])):
                         break
-                    self._keep(waiting.pop(one).found)
-                    done += 1
-                gone += 1
-            order = order[gone:]
+                    self._accept(waiting.pop(seed).found)
+                    used += 1
+                passed += 1
+            order = order[passed:]
             if len(self.found) > before:
                 waiting = {
-                    one: trial
-                    for one, trial in waiting.items()
-                    if self.free[trial.seen].all() and (partners is None or self.free[one])
+                    seed: trial
+                    for seed, trial in waiting.items()
+                    if self._is_valid(trial) and (partners is None or self.free[seed])
                 }
-            fruitful = len(self.found) - before > done / 2
-            many = min(2 * many, MANY) if done > 0.7 * len(tried) else max(many // 2, FEW)
+            fruitful = len(self.found) - before > used / 2
+            batch = min(2 * batch, MAX_BATCH) if used > 0.7 * len(tried) else max(batch // 2, MIN_BATCH)
 
-    def _keep(self, found: F | None) -> None:
-        if found is not None and len(found.members) >= self._min_support:
+    def _is_valid(self, trial: Trial[F]) -> bool:
+        return bool(self.free[trial.depends_on].all())
+
+    def _accept(self, found: F | None) -> None:
+        if found is not None and len(found.inliers) >= self._min_support:
             self.found.append(found)
-            self.free[self._of_row.take(self._row[found.members]).rows] = False
+            self.free[self._of_row.take(self._row[found.inliers]).rows] = False
 
 
-def _ahead(order: IntArray, waiting: Collection[int], many: int, partners: Ragged | None) -> list[int]:
-    """The next that have not been tried, but for those likely to be taken by one before them."""
-    room = max(many - len(waiting), many // 4)
+def _next_batch(order: IntArray, waiting: Collection[int], batch: int, partners: Ragged | None) -> list[int]:
+    """The next seeds that have not been tried, without those likely to be taken by a group of an earlier one."""
+    room = max(batch - len(waiting), batch // 4)
     chosen: list[int] = []
     expected: set[int] = set()
-    for one in order[: 4 * many].tolist():
-        if one in waiting or one in expected:
+    for seed in order[: 4 * batch].tolist():
+        if seed in waiting or seed in expected:
             continue
-        chosen.append(one)
+        chosen.append(seed)
         if len(chosen) == room:
             break
         if partners is not None:
-            expected.update(partners[one].tolist())
+            expected.update(partners[seed].tolist())
     return chosen

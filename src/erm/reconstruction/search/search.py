@@ -1,36 +1,61 @@
-"""The search for common images where nobody knows the errors of the paths well: what they leave tells more of these."""
+"""The consensus search where the errors of the paths are not well known: the residuals show how large they are."""
 
 import numpy as np
-import numpy.typing as npt
 
 from erm.common.constants import c
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.standard_errors import SMALLEST_ERRORS, robust_std, widen_errors
 from erm.reconstruction.model.fit import fit_lines, residuals
 from erm.reconstruction.model.line import Lines, seed_lines
-from erm.reconstruction.model.paths import IntArray, Paths
-from erm.reconstruction.model.ragged import Ragged, concatenated
+from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.model.ragged import Ragged, concatenate_rows
 from erm.reconstruction.search.consensus import find_groups
 from erm.reconstruction.search.greedy import Group
 
-FEWEST = 6  # residuals beyond the parameters that are fitted to them, to estimate errors from
-SURVEY_LENGTH = 0.01  # m; antennas are surveyed to a centimetre, and 30 ps of a clock are as much
-SURVEY_AZIMUTH = 0.2  # degree; the heading of a mast
-FRESH = -2  # instead of the image of a path that an earlier search had not
+MIN_RESIDUALS = 6
+"""Residuals with enough freedom that are needed to estimate an error. Chosen; not derived."""
+MIN_FREEDOM = 0.2
+"""Smallest ``1 - leverage`` of a residual that errors are estimated from. Chosen; not derived."""
+MAX_REPEATS = 2
+"""Repetitions of the search with better errors. Chosen; not derived."""
+ERROR_CHANGE = 0.1
+"""Relative change of an error for which the search is repeated. Chosen; not derived."""
+SURVEY_LENGTH = 0.01
+"""Error of length that the first search allows for [m]: antennas are surveyed to a centimetre, and 30 ps of a clock are
+as much."""
+SURVEY_AZIMUTH = 0.2
+"""Error of azimuth that the first search allows for [degree]: the heading of a mast. Chosen; not derived."""
+NEW_MPC = -2
+"""``image`` of a path that an earlier search did not have."""
 
 
-def search(
-    paths: Paths, known: npt.NDArray[np.bool_], min_support: int, count: int = 0, image: IntArray | None = None
+def search_groups(
+    paths: Paths, known: BoolArray, min_support: int, count: int = 0, image: IntArray | None = None
 ) -> tuple[Paths, list[Group]]:
-    """Groups of paths with common images, and the paths with the errors that these groups show.
+    """Find the groups of paths with common images, and the errors of the paths that these groups show.
 
-    Where a table gives no errors (``known`` false) those of the paths are first what `select` made of ``count`` direct
-    paths, then what these and the residuals show. Where it does, what the residuals show beyond them is added: survey
-    and clock shift all paths of a link alike, which the table cannot know. So as not to leave out the links that show
-    it, the first search allows for such errors.
+    Where a table gives no errors (``known`` is false) the first estimates are those of `erm.mpcs.selection.select` from
+    ``count`` direct paths; the residuals are then pooled with them. Where a table gives errors, what the residuals show
+    beyond them is added: survey and clock shift all paths of a link alike, which the table cannot know. The first
+    search allows for such errors, so that it does not leave out the links that show them.
 
-    Of an earlier search in a part of the paths ``image`` (path,) tells the group of each, -1 where it has none, and
-    `FRESH` where it had not the path. Its groups tell the errors and gather first, and only fresh paths make new ones.
+    Parameters
+    ----------
+    paths : Paths
+    known : array (path,) of bool
+        Whether the table gave the errors.
+    min_support : int
+    count : int
+        Direct paths that the errors were estimated from.
+    image : array (path,) of int, optional
+        Group of each path in an earlier search, -1 for none, `NEW_MPC` for paths that it did not have. These groups
+        show the errors and collect their paths first, and only new paths start new groups.
+
+    Returns
+    -------
+    paths : Paths
+        With other errors.
+    groups : list of Group
     """
     first = paths
     length_std = np.where(known, np.hypot(first.length_std, SURVEY_LENGTH), first.length_std)
@@ -39,14 +64,14 @@ def search(
     before: list[Group] = []
     seeds = None
     if image is not None:
-        paths = _adapted(first, paths, known, count, _groups_of(paths, image)) or paths
-        before, seeds = _groups_of(paths, image), image == FRESH
+        paths = _with_estimated_errors(first, paths, known, count, _groups_of(paths, image)) or paths
+        before, seeds = _groups_of(paths, image), image == NEW_MPC
     groups = find_groups(paths, min_support, before, seeds)
-    for _ in range(2):
-        adapted = _adapted(first, paths, known, count, groups)
-        if adapted is None:
+    for _ in range(MAX_REPEATS):
+        estimated = _with_estimated_errors(first, paths, known, count, groups)
+        if estimated is None:
             break
-        paths = adapted
+        paths = estimated
         groups = find_groups(paths, min_support, before, seeds)
     return paths, groups
 
@@ -56,100 +81,119 @@ def _groups_of(paths: Paths, image: IntArray) -> list[Group]:
     order = np.lexsort((paths.azimuth_std, image))
     order = order[image[order] >= 0]
     _, owner = np.unique(image[order], return_inverse=True)
-    members = Ragged.of_pairs(owner, order, int(owner.max(initial=-1)) + 1)
-    members = members.take(np.flatnonzero(members.sizes > 1))
-    if not len(members):
+    inliers = Ragged.from_pairs(owner, order, int(owner.max(initial=-1)) + 1)
+    inliers = inliers.take(np.flatnonzero(inliers.sizes > 1))
+    if not len(inliers):
         return []
-    best = members.rows[members.start[:-1]]  # the path that knows its face best
-    lines = fit_lines(paths.rays, members, seed_lines(paths.take(best)))
-    return [Group(lines.one(number), np.sort(own)) for number, own in enumerate(members)]
+    best = inliers.rows[inliers.start[:-1]]  # the path with the smallest error of azimuth
+    lines = fit_lines(paths.columns, inliers, seed_lines(paths.take(best)))
+    return [Group(lines.line(number), np.sort(own)) for number, own in enumerate(inliers)]
 
 
-def joined(
-    first: Paths, groups: list[Group], paths: Paths, at: IntArray, min_support: int
+def add_uncertain_paths(
+    certain: Paths, groups: list[Group], paths: Paths, at: IntArray, min_support: int
 ) -> tuple[Paths, list[Group]]:
-    """Let unsure paths join the groups of ``first``, the others, and make groups of their own.
+    """Let uncertain paths join the groups of the certain ones, and make groups of their own.
 
-    ``at`` (path of first,) tells where the others are among all the paths: those that may have lost too much, or are
-    later than measured, are unsure. Their errors are widened as those of the others were; to the estimate of errors
-    they add nothing.
+    Uncertain are paths that may have lost too much, or whose delays are hypotheses. Their errors are widened as those
+    of the certain paths were; errors are not estimated from them.
+
+    Parameters
+    ----------
+    certain : Paths
+    groups : list of Group
+        Of the certain paths.
+    paths : Paths
+        All paths.
+    at : array (path of certain,) of int
+        Where the certain paths are among all.
+    min_support : int
+
+    Returns
+    -------
+    paths : Paths
+        All paths, with errors.
+    groups : list of Group
     """
-    if len(first) == len(paths):
-        return first, groups
-    wider = []
+    if len(certain) == len(paths):
+        return certain, groups
+    errors = []
     for name in ("length_std", "azimuth_std"):
         own = getattr(paths, name)
-        grown = own * (float(np.median(getattr(first, name) / own[at])) if len(first) else 1.0)
-        grown[at] = getattr(first, name)
-        wider.append(grown)
-    paths = paths.with_errors(*wider)
-    known = [Group(group.line, at[group.members]) for group in groups]
+        wider = own * (float(np.median(getattr(certain, name) / own[at])) if len(certain) else 1.0)
+        wider[at] = getattr(certain, name)
+        errors.append(wider)
+    paths = paths.with_errors(*errors)
+    known = [Group(group.line, at[group.inliers]) for group in groups]
     grown = find_groups(paths, min_support, known)
-    sure = np.zeros(len(paths), dtype=bool)
-    sure[at] = True
-    return paths, _not_longer(paths, grown, sure, min_support)
+    is_certain = np.zeros(len(paths), dtype=bool)
+    is_certain[at] = True
+    return paths, _without_extensions(paths, grown, is_certain, min_support)
 
 
-def _not_longer(paths: Paths, groups: list[Group], sure: npt.NDArray[np.bool_], min_support: int) -> list[Group]:
-    """Groups without the unsure paths beyond their sure ones: those make no wall longer that these have found."""
-    lines, members = Lines.of([group.line for group in groups]), Ragged.of_lists([group.members for group in groups])
-    of, certain = members.owner, sure[members.rows]
+def _without_extensions(paths: Paths, groups: list[Group], certain: BoolArray, min_support: int) -> list[Group]:
+    """Groups without uncertain paths beyond the certain ones: they do not lengthen a wall that certain paths found."""
+    lines = Lines.from_list([group.line for group in groups])
+    inliers = Ragged.from_lists([group.inliers for group in groups])
+    of, is_certain = inliers.owner, certain[inliers.rows]
     frames = lines.frames(of)
-    along = frames.along(np.stack(frames.bounce(paths.rays.take(members.rows)), axis=-1))
+    along = frames.along(np.stack(frames.reflection_points(paths.columns.take(inliers.rows)), axis=-1))
     low, high = np.full(len(groups), np.inf), np.full(len(groups), -np.inf)
-    np.minimum.at(low, of[certain], along[certain])
-    np.maximum.at(high, of[certain], along[certain])
-    enough = np.bincount(of[certain], minlength=len(groups)) >= min_support
-    kept = members.kept(certain | ((along >= low[of]) & (along <= high[of])) | ~enough[of])
-    some = np.flatnonzero(enough)
-    lines = lines.put(some, fit_lines(paths.rays, kept.take(some), lines.take(some)))
-    return [Group(lines.one(number), own) for number, own in enumerate(kept)]
+    np.minimum.at(low, of[is_certain], along[is_certain])
+    np.maximum.at(high, of[is_certain], along[is_certain])
+    found = np.bincount(of[is_certain], minlength=len(groups)) >= min_support
+    kept = inliers.masked(is_certain | ((along >= low[of]) & (along <= high[of])) | ~found[of])
+    some = np.flatnonzero(found)
+    lines = lines.with_replaced(some, fit_lines(paths.columns, kept.take(some), lines.take(some)))
+    return [Group(lines.line(number), own) for number, own in enumerate(kept)]
 
 
-def _adapted(first: Paths, paths: Paths, known: npt.NDArray[np.bool_], count: int, groups: list[Group]) -> Paths | None:
-    """The paths with errors that agree with the residuals of groups; None where they do already."""
-    white, kept = _white_residuals(paths, groups)
-    members = concatenated(group.members for group in groups)
-    new = []
-    for column, (std, start, least) in enumerate(
+def _with_estimated_errors(
+    first: Paths, paths: Paths, known: BoolArray, count: int, groups: list[Group]
+) -> Paths | None:
+    """The paths with errors that agree with the residuals of groups; None where they agree already."""
+    residual, usable = _normalised_residuals(paths, groups)
+    inliers = concatenate_rows(group.inliers for group in groups)
+    errors = []
+    for column, (std, start, smallest) in enumerate(
         (
             (paths.length_std, first.length_std, SMALLEST_ERRORS[0] * c),
             (paths.azimuth_std, first.azimuth_std, SMALLEST_ERRORS[1]),
         )
     ):
-        values = white[kept[:, column], column]
-        if len(values) < FEWEST:
-            new.append(np.where(known, start, std))
+        values = residual[usable[:, column], column]
+        if len(values) < MIN_RESIDUALS:
+            errors.append(np.where(known, start, std))
             continue
         factor = robust_std(values)
-        rows = members[kept[:, column]]
-        residual = values * std[rows]
-        wider = widen_errors(residual, start[rows], start)
+        rows = inliers[usable[:, column]]
+        wider = widen_errors(values * std[rows], start[rows], start)
         pooled = np.sqrt((count * start**2 + len(values) * (std * factor) ** 2) / (count + len(values)))
-        new.append(np.where(known, wider, np.maximum(pooled, least)))
+        errors.append(np.where(known, wider, np.maximum(pooled, smallest)))
     changed = max(
         float(np.abs(np.log(a / b)).max(initial=0.0))
-        for a, b in zip(new, (paths.length_std, paths.azimuth_std), strict=True)
+        for a, b in zip(errors, (paths.length_std, paths.azimuth_std), strict=True)
     )
-    return paths.with_errors(*new) if changed > 0.1 else None
+    return paths.with_errors(*errors) if changed > ERROR_CHANGE else None
 
 
-def _white_residuals(paths: Paths, groups: list[Group]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Residuals (n, 2) of length and azimuth in standard errors, and which of them a fit left room to.
+def _normalised_residuals(paths: Paths, groups: list[Group]) -> tuple[FloatArray, BoolArray]:
+    """Residuals (n, 2) of length and azimuth in standard errors, and whether (n, 2) a fit left them enough freedom.
 
-    A residual ``r`` with leverage ``h`` has the variance ``(1 - h) s**2``; two parameters swallow most of the
+    A residual with leverage ``h`` has the variance ``(1 - h) s**2``. The two parameters of a line fit most of the
     lengths of three paths and little of their azimuths.
     """
-    lines, members = Lines.of([group.line for group in groups]), Ragged.of_lists([group.members for group in groups])
-    rays = paths.rays.take(members.rows)
-    found = residuals(rays, lines.frames(members.owner))
-    a, b, d = lines.covariance[members.owner][:, [0, 0, 1], [0, 1, 1]].T
-    white, room = [], []
+    lines = Lines.from_list([group.line for group in groups])
+    inliers = Ragged.from_lists([group.inliers for group in groups])
+    columns = paths.columns.take(inliers.rows)
+    found = residuals(columns, lines.frames(inliers.owner))
+    a, b, d = lines.covariance[inliers.owner][:, [0, 0, 1], [0, 1, 1]].T
+    normalised, freedom = [], []
     for residual, by_normal, by_offset, std in (
-        (found.length, found.length_by_normal, found.length_by_offset, rays.length_std),
-        (found.azimuth, found.azimuth_by_normal, found.azimuth_by_offset, rays.azimuth_std),
+        (found.length, found.length_by_normal, found.length_by_offset, columns.length_std),
+        (found.azimuth, found.azimuth_by_normal, found.azimuth_by_offset, columns.azimuth_std),
     ):
         leverage = (by_normal**2 * a + 2 * by_normal * by_offset * b + by_offset**2 * d) / std**2
-        room.append(np.clip(1 - leverage, 0.0, 1.0))
-        white.append(residual / (std * np.sqrt(np.maximum(room[-1], 0.1))))
-    return np.stack(white, axis=-1), np.stack(room, axis=-1) > 0.2
+        freedom.append(np.clip(1 - leverage, 0.0, 1.0))
+        normalised.append(residual / (std * np.sqrt(np.maximum(freedom[-1], 0.1))))
+    return np.stack(normalised, axis=-1), np.stack(freedom, axis=-1) > MIN_FREEDOM

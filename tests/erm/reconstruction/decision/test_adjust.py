@@ -1,4 +1,4 @@
-"""Chains of bounces say where the walls stand that they met."""
+"""Chains of reflections locate the walls that they met."""
 
 from dataclasses import replace
 
@@ -11,7 +11,8 @@ from erm.geometry.vertical import angle_difference, mirrored
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.reconstruction import reconstruct as module
-from erm.reconstruction.decision.adjust import Chains, fitted, predicted, shared
+from erm.reconstruction.decision.adjust import fit_jointly, shared_error_factor
+from erm.reconstruction.decision.chains import Chains, predict_chains
 from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.loss import reflection_loss
 from erm.reconstruction.reconstruct import reconstruct
@@ -24,7 +25,7 @@ ORDERS = [(0,), (1,), (0, 1), (1, 0), (0, 1, 0), (1, 0, 1)]
 
 
 def street(delay_std, azimuth_std, seed, orders=ORDERS, count=8):
-    """Paths along a street that its two sides, of a refractive index of 2, reflect once, twice and thrice."""
+    """Paths along a street that its two sides, of a refractive index of 2, reflect once, twice and three times."""
     rng = np.random.default_rng([seed, 1])
     rx = np.column_stack([np.linspace(-15, 45, count), rng.uniform(-6, 7, count), np.full(count, 1.5)])
     tx = np.tile(TX, (count, 1))
@@ -58,7 +59,9 @@ def test_slopes_of_a_chain_are_those_of_its_prediction(chain):
     def at(step=0.0, wall=0, parameter=0):
         moved = values.copy()
         moved[wall, parameter] += step
-        return predicted(TX[None], rx, np.array([chain]), Lines(moved[:, 0], moved[:, 1], np.zeros((3, 2, 2)), pivot))
+        return predict_chains(
+            TX[None], rx, np.array([chain]), Lines(moved[:, 0], moved[:, 1], np.zeros((3, 2, 2)), pivot)
+        )
 
     for wall in set(chain):
         met = np.array(chain) == wall
@@ -71,7 +74,7 @@ def test_slopes_of_a_chain_are_those_of_its_prediction(chain):
             assert slope[1] == pytest.approx(turned, abs=1e-6)
 
 
-def test_exact_chains_leave_exact_walls_and_say_what_they_are():
+def test_exact_chains_leave_exact_walls_and_get_their_reason():
     environment, merged = reconstruct(select(street(0.0, 0.0, 0)), max_gap=np.inf)
     error, _ = errors_and_chi2(environment)
     assert np.abs(error).max() < 1e-6
@@ -81,7 +84,7 @@ def test_exact_chains_leave_exact_walls_and_say_what_they_are():
 
 
 @pytest.mark.slow
-def test_chains_make_walls_better_and_their_covariance_stays_honest():
+def test_chains_make_walls_better_and_their_covariance_stays_right():
     with_chains, without, chi2 = [], [], []
     for seed in range(40):
         environment, _ = reconstruct(select(street(1e-10, 0.5, seed)), max_gap=np.inf)
@@ -90,7 +93,7 @@ def test_chains_make_walls_better_and_their_covariance_stays_honest():
         with_chains += error[:, 1].tolist()
         environment, _ = reconstruct(select(street(1e-10, 0.5, seed, ORDERS[:2])), max_gap=np.inf)
         without += errors_and_chi2(environment)[0][:, 1].tolist()
-    # three bounces meet the sides of the street three times as steeply as one; 80 errors tell a spread to 8 %
+    # three reflections meet the sides of the street three times as steeply as one; 80 errors give a spread to 8 %
     assert np.std(with_chains) < 0.6 * np.std(without)
     # mean of 80 chi-squared values of 2 degrees of freedom, those of a draw not independent: 2 +- 0.32 at most
     assert np.mean(chi2) == pytest.approx(2, abs=3 * 0.32)
@@ -98,7 +101,7 @@ def test_chains_make_walls_better_and_their_covariance_stays_honest():
 
 @pytest.mark.parametrize(("common", "least", "most"), [(0.0, 1.0, 1.0), (0.05, 2.5, 8.0)])
 def test_errors_that_a_link_shares_are_not_averaged(common, least, most):
-    # 30 links of 6 paths, 3 cm of error of each length and 5 cm of all of a link: their pulls add up
+    # 30 links of 6 paths, 3 cm of error of each length and 5 cm of all of a link: their gradients add up
     rng = np.random.default_rng(8)
     count = 30
     rx = np.column_stack([np.linspace(-15, 45, count), rng.uniform(-6, 7, count), np.full(count, 1.5)])
@@ -110,35 +113,35 @@ def test_errors_that_a_link_shares_are_not_averaged(common, least, most):
         error = late + 0.03 * rng.standard_normal(count)
         turned = paths.azimuth + 0.5 * rng.standard_normal(count)
         sets.append(Chains(replace(paths, length=paths.length + error, azimuth=turned), np.tile(chain, (count, 1))))
-    found, covariance = fitted(sets, lines)
+    found, covariance = fit_jointly(sets, lines)
     # lengths that all have the same sign of a slope would make it 1 + 6 (5 / 3)**2 = 18; azimuths share nothing
-    assert least <= shared(sets, found, covariance) <= most
+    assert least <= shared_error_factor(sets, found, covariance) <= most
 
 
 @pytest.mark.slow
-def test_where_as_many_paths_would_be_chains_by_chance_none_is(monkeypatch):
-    # 200 paths from nowhere a link and wide errors: each chain has some in its gate, and as many about it
+def test_no_chain_is_used_where_as_many_would_be_found_by_chance(monkeypatch):
+    # 200 clutter paths per link and large errors: each chain has some in its gate, and as many around it
     rng = np.random.default_rng(3)
     table = street(3e-10, 3.0, 3, ORDERS[:2])
-    stray = street(3e-10, 3.0, 4, [(0, 1)] * 200)
-    direct = np.linalg.norm(stray["tx_position"].values - stray["rx_position"].values, axis=-1)
-    stray["delay"][:] = (direct + rng.uniform(2, 60, len(direct))) / c
-    stray["azimuth"][:] = rng.uniform(0, 360, len(direct))
-    free_space = 20 * np.log10(c / FREQUENCY / (4 * np.pi * stray["delay"].values * c))
-    stray["path_gain"][:] = free_space - rng.uniform(10, 40, len(direct))
-    both = select(xr.concat([table, stray], dim="mpc"))
-    crowded, _ = reconstruct(both, max_gap=np.inf)
-    monkeypatch.setattr(module, "adjusted", lambda walls, paths, gap: (list(walls), np.empty(0, dtype=np.int64)))
+    clutter = street(3e-10, 3.0, 4, [(0, 1)] * 200)
+    direct = np.linalg.norm(clutter["tx_position"].values - clutter["rx_position"].values, axis=-1)
+    clutter["delay"][:] = (direct + rng.uniform(2, 60, len(direct))) / c
+    clutter["azimuth"][:] = rng.uniform(0, 360, len(direct))
+    free_space = 20 * np.log10(c / FREQUENCY / (4 * np.pi * clutter["delay"].values * c))
+    clutter["path_gain"][:] = free_space - rng.uniform(10, 40, len(direct))
+    both = select(xr.concat([table, clutter], dim="mpc"))
+    dense, _ = reconstruct(both, max_gap=np.inf)
+    monkeypatch.setattr(module, "adjust_walls", lambda walls, paths, gap: (list(walls), np.empty(0, dtype=np.int64)))
     alone, _ = reconstruct(both, max_gap=np.inf)
     assert alone.reflectors.sizes["reflector"] >= 2
-    np.testing.assert_array_equal(crowded.reflectors["offset"], alone.reflectors["offset"])
+    np.testing.assert_array_equal(dense.reflectors["offset"], alone.reflectors["offset"])
 
 
 def test_images_of_two_walls_are_images_of_images():
-    # what `predicted` says of a double bounce, told by hand
+    # what `predict_chains` says of a double reflection, by hand
     image = mirrored(mirrored(TX[:2], *STREET[0]), *STREET[1])
     rx = np.array([[20.0, 3.0, 1.5]])
     lines = Lines(STREET[:, 0], STREET[:, 1], np.zeros((2, 2, 2)), np.zeros((2, 2)))
-    found = predicted(TX[None], rx, np.array([[0, 1]]), lines)
-    level = np.linalg.norm(image - rx[0, :2])
-    assert found.length[0] == pytest.approx(np.hypot(level, 10.5))
+    found = predict_chains(TX[None], rx, np.array([[0, 1]]), lines)
+    horizontal = np.linalg.norm(image - rx[0, :2])
+    assert found.length[0] == pytest.approx(np.hypot(horizontal, 10.5))

@@ -1,11 +1,11 @@
-"""Chains of bounces share an image as paths off a wall do, and are told from walls."""
+"""Chains of reflections share an image as paths off a wall do, and are rejected."""
 
 import numpy as np
 import pytest
 
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
-from erm.reconstruction.decision.multi_bounce import composed_of, mirror_of
+from erm.reconstruction.decision.multi_bounce import is_multi_bounce, mirror_of
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import seed_line
 from erm.reconstruction.model.wall import Wall
@@ -20,20 +20,20 @@ def wall_of(columns, loss=6.0):
     return Wall(paths, fit_line(paths, seed_line(paths.take(everything[:1]))), everything)
 
 
-def test_two_bounces_are_known_by_the_image_of_the_image():
+def test_a_double_reflection_is_found_by_the_image_of_the_image():
     rx = route()
     tx = np.tile(TX[0], (len(rx), 1))
     south, north = WALLS[0], WALLS[2]
     mirrors = [mirror_of(wall_of(bounces(tx, rx, wall)), 60.0) for wall in (south, north)]
     both = bounces(tx, rx, south, north)
-    assert composed_of(wall_of(both, loss=12.0), mirrors)
-    assert not composed_of(wall_of(both, loss=12.0), mirrors[:1])
-    assert not composed_of(wall_of(both, loss=1.0), mirrors)  # two bounces lose what both walls lose
-    assert not composed_of(wall_of(bounces(tx, rx, WALLS[1]), loss=12.0), mirrors)
+    assert is_multi_bounce(wall_of(both, loss=12.0), mirrors)
+    assert not is_multi_bounce(wall_of(both, loss=12.0), mirrors[:1])
+    assert not is_multi_bounce(wall_of(both, loss=1.0), mirrors)  # a double reflection loses what both walls lose
+    assert not is_multi_bounce(wall_of(bounces(tx, rx, WALLS[1]), loss=12.0), mirrors)
 
 
 @pytest.mark.parametrize("chain", [(0, 3), (3, 0), (0, 2), (1, 0)])
-def test_double_bounces_agree_on_a_wall_that_is_not_there_and_are_struck_out(chain):
+def test_double_reflections_that_agree_on_a_wall_are_rejected(chain):
     rx = route()
     tx = np.tile(TX[0], (len(rx), 1))
     singles = [bounces(tx, rx, wall, loss=5.0) for wall in WALLS]
@@ -44,7 +44,7 @@ def test_double_bounces_agree_on_a_wall_that_is_not_there_and_are_struck_out(cha
     assert not merged["accepted"].values[-len(rx) :].any()
 
 
-def test_both_orders_of_a_double_bounce_give_a_hidden_wall_away():
+def test_both_orders_of_a_double_reflection_reveal_a_hidden_wall():
     rx = route()
     tx = np.tile(TX[0], (len(rx), 1))
     known, hidden = WALLS[0], WALLS[1]
@@ -55,7 +55,7 @@ def test_both_orders_of_a_double_bounce_give_a_hidden_wall_away():
     assert not merged["accepted"].values[len(rx) :].any()
 
 
-def test_a_bounce_off_wall_and_ground_makes_no_second_wall():
+def test_a_reflection_off_wall_and_ground_makes_no_second_wall():
     rx = route()
     tx = np.tile(TX[0], (len(rx), 1))
     echo = bounces(tx, rx, WALLS[1], loss=11.0, height=tx[:, 2] + rx[:, 2])
@@ -64,7 +64,7 @@ def test_a_bounce_off_wall_and_ground_makes_no_second_wall():
     assert environment.reflectors.sizes["reflector"] == 1
 
 
-def test_a_wall_hidden_behind_another_is_not_believed():
+def test_a_wall_hidden_behind_another_is_rejected():
     walls = np.array([[90.0, -50.38], [90.0, -53.38]])
     environment, merged = reconstruct(select(scene(walls, TX[:1], route(24))), max_gap=np.inf)
     np.testing.assert_allclose(environment.reflectors["offset"], [-50.38], atol=1e-3)

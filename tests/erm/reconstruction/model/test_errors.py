@@ -18,7 +18,7 @@ def test_the_wall_of_one_path_is_its_face_with_the_same_covariance():
     for row in range(len(rx)):
         path = paths_of(bounces(tx, rx, WALLS[1])).take(np.array([row]))
         face = seed_line(path)
-        fitted = fit_line(path, face).about(face.pivot)
+        fitted = fit_line(path, face).with_pivot(face.pivot)
         assert float(angle_difference(fitted.normal, face.normal)) == pytest.approx(0, abs=1e-9)
         assert fitted.offset == pytest.approx(face.offset, abs=1e-9)
         np.testing.assert_allclose(fitted.covariance, face.covariance, rtol=1e-6)

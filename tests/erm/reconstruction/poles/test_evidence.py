@@ -1,4 +1,4 @@
-"""What speaks for a wall: gains as far as they are sure, more paths than chance brings, no corner behind it."""
+"""Evidence for a wall: gains weighted by their errors, more paths than by chance, no corner behind it."""
 
 import numpy as np
 import pytest
@@ -9,12 +9,12 @@ from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.mpcs.standard_errors import widen_errors
 from erm.mpcs.table import make_table
-from erm.reconstruction.decision.corners import corners_on
+from erm.reconstruction.decision.corners import corner_pairs
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import seed_line
 from erm.reconstruction.model.loss import loss_at_normal_incidence, loss_error, reflection_loss, weighted_quantile
 from erm.reconstruction.model.paths import Paths
-from erm.reconstruction.model.wall import Wall, cosine_of_incidence
+from erm.reconstruction.model.wall import Wall, cos_incidence
 from erm.reconstruction.reconstruct import reconstruct
 
 FREQUENCY = 132e9
@@ -28,7 +28,7 @@ def receivers(count, seed=0):
 
 
 def paths(rx, *chain, loss=6.0, loss_std=0.5):
-    """Exact paths off successive walls; loss may be one a path."""
+    """Exact paths off successive walls; the loss may differ between paths."""
     count = len(rx)
     image = TX[:2]
     for normal, offset in chain:
@@ -47,15 +47,15 @@ def paths(rx, *chain, loss=6.0, loss_std=0.5):
         loss=loss * one,
         loss_std=loss_std * one,
         wavelength=c / FREQUENCY * one,
-        rise=np.nan * one,
-        rise_std=np.nan * one,
+        elevation_excess=np.nan * one,
+        elevation_std=np.nan * one,
         row=np.arange(count),
     )
 
 
-def wall(members):
-    start = seed_line(members.take(np.array([0])))
-    return Wall(members, fit_line(members, start), np.arange(len(members)))
+def wall(inliers):
+    start = seed_line(inliers.take(np.array([0])))
+    return Wall(inliers, fit_line(inliers, start), np.arange(len(inliers)))
 
 
 def table(*parts):
@@ -75,24 +75,24 @@ def table(*parts):
     return make_table(columns | {"frequency": FREQUENCY})
 
 
-def test_gains_that_may_be_wrong_by_much_do_not_make_a_wall_lossy():
+def test_uncertain_gains_do_not_make_a_wall_lossy():
     rx = receivers(7)
     good = paths(rx, SOUTH)
-    cosine = cosine_of_incidence(good, fit_line(good, seed_line(good.take(np.array([0])))))
+    cosine = cos_incidence(good, fit_line(good, seed_line(good.take(np.array([0])))).frame())
     true = reflection_loss(4.0, cosine)
-    # five of seven are beyond the fan, measured 12 dB too weak
+    # five of seven are beyond the elevations of the scan, measured 12 dB too weak
     error = np.where(np.arange(7) < 5, 15.0, 0.5)
     wrong = wall(paths(rx, SOUTH, loss=true + np.where(error > 1, 12.0, 0.0), loss_std=error))
-    face_on = float(reflection_loss(4.0, np.ones(1))[0])
-    assert loss_at_normal_incidence(wrong) == pytest.approx(face_on, abs=1.0)
+    at_normal = float(reflection_loss(4.0, np.ones(1))[0])
+    assert loss_at_normal_incidence(wrong) == pytest.approx(at_normal, abs=1.0)
     # the weights 1 / (15**2 + 3**2) and 1 / (0.5**2 + 3**2) leave 10 % to the five
     assert 0.5 < loss_error(wrong) < 3.0
-    deaf = wall(paths(rx, SOUTH, loss=true + 12.0, loss_std=15.0))
-    assert loss_error(deaf) == pytest.approx(15.0)
+    uncertain = wall(paths(rx, SOUTH, loss=true + 12.0, loss_std=15.0))
+    assert loss_error(uncertain) == pytest.approx(15.0)
 
 
 @pytest.mark.parametrize(("loss_std", "found"), [(0.5, False), (12.0, True)])
-def test_a_wall_too_lossy_for_one_is_believed_only_if_its_gains_may_be_wrong(loss_std, found):
+def test_a_lossy_wall_is_accepted_only_if_its_gains_are_uncertain(loss_std, found):
     near = paths(receivers(10), EAST)
     far = paths(receivers(10, seed=1)[:5], SOUTH, loss=25.0, loss_std=loss_std)
     environment, _ = reconstruct(select(table(near, far)), max_gap=np.inf)
@@ -102,14 +102,14 @@ def test_a_wall_too_lossy_for_one_is_believed_only_if_its_gains_may_be_wrong(los
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_weak_paths_from_nowhere_make_no_walls(seed):
+def test_weak_clutter_makes_no_walls(seed):
     rng = np.random.default_rng(seed)
     rx = np.repeat(receivers(30, seed), 12, axis=0)
     one = np.ones(len(rx))
-    stray = paths(rx, EAST, loss=30.0, loss_std=10.0)
+    clutter = paths(rx, EAST, loss=30.0, loss_std=10.0)
     direct = np.linalg.norm(TX - rx, axis=-1)
-    stray = Paths(
-        **vars(stray)
+    clutter = Paths(
+        **vars(clutter)
         | {
             "length": direct + rng.uniform(1, 60, len(rx)),
             "azimuth": rng.uniform(0, 360, len(rx)),
@@ -117,33 +117,33 @@ def test_weak_paths_from_nowhere_make_no_walls(seed):
             "azimuth_std": 1.5 * one,
         }
     )
-    environment, merged = reconstruct(select(table(stray)))
+    environment, merged = reconstruct(select(table(clutter)))
     assert environment.reflectors.sizes["reflector"] == 0
-    assert Reason.CHANCE in merged["reason"].values
+    assert Reason.FALSE_ALARM in merged["reason"].values
 
 
-def test_a_double_bounce_in_a_right_angled_corner_points_to_the_known_wall():
+def test_a_double_reflection_in_a_right_angled_corner_is_found_by_its_known_wall():
     rx = receivers(10)
     south, corner = wall(paths(rx, SOUTH)), wall(paths(rx[:8], SOUTH, EAST, loss=9.0))
-    assert corners_on([south, corner]) == [(1, 0)]
+    assert corner_pairs([south, corner]) == [(1, 0)]
     # whichever wall came first the image is the same
-    assert corners_on([south, wall(paths(rx[:8], EAST, SOUTH, loss=9.0))]) == [(1, 0)]
+    assert corner_pairs([south, wall(paths(rx[:8], EAST, SOUTH, loss=9.0))]) == [(1, 0)]
     # two real walls that meet in a corner are none
-    assert corners_on([south, wall(paths(rx[:8], EAST))]) == []
+    assert corner_pairs([south, wall(paths(rx[:8], EAST))]) == []
     # nor is a chain off walls at 84 degrees, whose two orders have images of their own
-    assert corners_on([south, wall(paths(rx[:8], SOUTH, (174.0, -60.0), loss=9.0))]) == []
+    assert corner_pairs([south, wall(paths(rx[:8], SOUTH, (174.0, -60.0), loss=9.0))]) == []
 
 
-def test_scattered_paths_do_not_belong_to_the_mirror():
+def test_diffuse_paths_do_not_belong_to_the_wall():
     rx = receivers(9)
-    mirror = paths(rx, SOUTH, loss=np.where(np.arange(9) < 7, 6.0, 24.0))
-    mirror.length[7:] += 0.04  # longer, as off a point beside the mirror's
-    environment, merged = reconstruct(select(table(mirror), max_reflection_loss=30.0), max_gap=np.inf)
+    specular = paths(rx, SOUTH, loss=np.where(np.arange(9) < 7, 6.0, 24.0))
+    specular.length[7:] += 0.04  # longer, as off a point beside the specular one
+    environment, merged = reconstruct(select(table(specular), max_reflection_loss=30.0), max_gap=np.inf)
     assert merged["accepted"].values.tolist() == 7 * [True] + 2 * [False]
     np.testing.assert_allclose(np.abs(environment.reflectors["offset"].values), 30.0, atol=1e-6)
 
 
-def test_errors_are_widened_in_proportion_or_by_the_same():
+def test_errors_are_widened_in_proportion_or_by_a_constant():
     rng = np.random.default_rng(7)
     std = 10 ** rng.uniform(-3, -1, 2000)
     # a median absolute deviation of 2000 is right to 3 %

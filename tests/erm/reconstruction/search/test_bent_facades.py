@@ -1,4 +1,4 @@
-"""Facades that bend, curve or step are several short walls, and one that does not is one."""
+"""A facade that bends, curves or steps is several short walls; a straight one is one wall."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,8 @@ from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import seed_line
 from erm.reconstruction.model.paths import Paths
 from erm.reconstruction.reconstruct import reconstruct
-from erm.reconstruction.search import bent_facades as bends_of
-from erm.reconstruction.search.bent_facades import unbent
+from erm.reconstruction.search import bent_facades as bent_facades_module
+from erm.reconstruction.search.bent_facades import split_bent_facades
 from erm.reconstruction.search.greedy import Group
 
 from ..bounces import bounces, joined
@@ -21,14 +21,14 @@ DELAY_STD, AZIMUTH_STD = 1e-10, 0.5
 
 
 def faces_of(corners):
-    """Lines (normal, offset) of faces from corner to corner, seen from the right of the way along them."""
+    """Lines (normal, offset) of faces from corner to corner, seen from the right-hand side."""
     along = np.diff(corners, axis=0)
     normal = np.rad2deg(np.arctan2(along[:, 1], along[:, 0])) - 90
     return np.column_stack([normal, np.sum(unit(normal) * corners[:-1], axis=-1)])
 
 
-def facade(corners, tx, rx, seed, strays=3.0):
-    """Table of the paths off faces from corner to corner and of paths from nowhere; and the face (mpc,) of each."""
+def facade(corners, tx, rx, seed, clutter=3.0):
+    """Table of the paths off faces from corner to corner and of clutter, and the face (mpc,) of each."""
     rng = np.random.default_rng(seed)
     parts, faces = [], []
     for number, (normal, offset) in enumerate(faces_of(corners)):
@@ -39,13 +39,16 @@ def facade(corners, tx, rx, seed, strays=3.0):
         seen = (place > 0) & (place < 1) & (before > 0) & (behind > 0)
         parts.append(bounces(np.tile(tx, (seen.sum(), 1)), rx[seen], (normal, offset)))
         faces += [number] * int(seen.sum())
-    lost = np.repeat(np.arange(len(rx)), rng.poisson(strays, len(rx)))
-    stray = bounces(np.tile(tx, (len(lost), 1)), rx[lost], (0.0, -200.0), loss=12.0)
-    direct = np.linalg.norm(tx - rx[lost], axis=-1)
-    stray |= {"delay": (direct + rng.uniform(2, 80, len(lost))) / c, "azimuth": rng.uniform(0, 360, len(lost))}
-    table = joined([*parts, stray], DELAY_STD, AZIMUTH_STD, seed)
+    of_clutter = np.repeat(np.arange(len(rx)), rng.poisson(clutter, len(rx)))
+    clutter_paths = bounces(np.tile(tx, (len(of_clutter), 1)), rx[of_clutter], (0.0, -200.0), loss=12.0)
+    direct = np.linalg.norm(tx - rx[of_clutter], axis=-1)
+    clutter_paths |= {
+        "delay": (direct + rng.uniform(2, 80, len(of_clutter))) / c,
+        "azimuth": rng.uniform(0, 360, len(of_clutter)),
+    }
+    table = joined([*parts, clutter_paths], DELAY_STD, AZIMUTH_STD, seed)
     table["delay_std"][:], table["azimuth_std"][:] = DELAY_STD, AZIMUTH_STD
-    return table, np.array(faces + [-1] * len(lost))
+    return table, np.array(faces + [-1] * len(of_clutter))
 
 
 def street(seed, count=12):
@@ -54,7 +57,7 @@ def street(seed, count=12):
     return tx, np.column_stack([rng.uniform(-40, 60, count), rng.uniform(-15, 12, count), np.full(count, 1.5)])
 
 
-def bent(turn, lengths=(40.0, 25.0)):
+def bent_corners(turn, lengths=(40.0, 25.0)):
     first = np.array([-30.0, 30.0])
     bend = first + lengths[0] * unit(3.0)
     return np.array([first, bend, bend + lengths[1] * unit(3.0 + turn)])
@@ -67,17 +70,17 @@ def walls_on(table, faces, lines):
     for number, normal in enumerate(environment.reflectors["normal"].values):
         own = faces[merged["wall"].values == number]
         face = int(np.bincount(own + 1, minlength=len(lines) + 1).argmax()) - 1
-        assert face >= 0  # no wall of paths from nowhere
+        assert face >= 0  # no wall of clutter
         found[face] = True
         errors.append(float(angle_difference(normal, lines[face, 0])))
     return found, np.array(errors)
 
 
-def bends(turn, seeds=range(20)):
+def found_and_errors(turn, seeds=range(20)):
     """Share of faces hit three times or more that are found, and all errors of direction [degree]."""
     found, errors = [], []
     for seed in seeds:
-        corners = bent(turn * (-1) ** seed)
+        corners = bent_corners(turn * (-1) ** seed)
         table, faces = facade(corners, *street(seed), seed)
         hit = np.bincount(faces[faces >= 0], minlength=2) >= 3
         seen, error = walls_on(table, faces, faces_of(corners))
@@ -88,7 +91,7 @@ def bends(turn, seeds=range(20)):
 
 @pytest.mark.slow
 def test_both_faces_of_a_bent_facade_are_found():
-    found, errors = bends(1.5)
+    found, errors = found_and_errors(1.5)
     assert found >= 0.95
     # a face of 20 m seen by four receivers is known to some 0.1 degree; no line is laid through both
     assert np.median(np.abs(errors)) < 0.1
@@ -96,16 +99,16 @@ def test_both_faces_of_a_bent_facade_are_found():
 
 
 @pytest.mark.slow
-def test_the_search_alone_leaves_faces_of_bent_facades_out(monkeypatch):
-    # what the division of facades is for: without it paths next to the bend go to the wrong face
-    with_it, _ = bends(1.0)
-    monkeypatch.setattr(module, "unbent", lambda paths, groups, free, min_support: list(groups))
-    without, _ = bends(1.0)
+def test_without_splitting_faces_of_bent_facades_are_missed(monkeypatch):
+    # without splitting, paths next to the bend go to the wrong face
+    with_it, _ = found_and_errors(1.0)
+    monkeypatch.setattr(module, "split_bent_facades", lambda paths, groups, free, min_support: list(groups))
+    without, _ = found_and_errors(1.0)
     assert with_it >= without + 0.1
 
 
-def test_exact_paths_tell_faces_that_turn_by_a_tenth_of_a_degree():
-    corners = bent(0.1)
+def test_exact_paths_separate_faces_that_bend_by_a_tenth_of_a_degree():
+    corners = bent_corners(0.1)
     tx, rx = street(3, 16)
     table, faces = facade(corners, tx, rx, 3)
     parts = [bounces(np.tile(tx, (16, 1)), rx, line) for line in faces_of(corners)]
@@ -119,14 +122,14 @@ def test_exact_paths_tell_faces_that_turn_by_a_tenth_of_a_degree():
     assert np.abs(errors).max() < 1e-3
 
 
-@pytest.mark.parametrize("strays", [3.0, 10.0])
+@pytest.mark.parametrize("clutter", [3.0, 10.0])
 @pytest.mark.slow
-def test_a_straight_facade_is_one_wall(strays):
+def test_a_straight_facade_is_one_wall(clutter):
     for seed in range(20):
         corners = np.array([[-30.0, 30.0], [-30.0, 30.0] + 60 * unit(3.0)])
-        table, _ = facade(corners, *street(seed), seed, strays)
+        table, _ = facade(corners, *street(seed), seed, clutter)
         environment, _ = reconstruct(select(table))
-        # pieces of one line may be apart where no path bounced
+        # one line may have several pieces
         assert len(np.unique(environment.reflectors["normal"])) == 1
 
 
@@ -164,36 +167,38 @@ def test_a_stepped_facade_is_several_walls():
         assert np.all(np.abs(depth - middle[:, 1:]).min(axis=0) < 0.1)
 
 
-def test_paths_that_may_be_too_weak_for_a_wall_make_a_facade_no_longer():
-    # eight sure paths off one half of a wall, and three off the other whose gains are wrong by who knows how much
+def test_paths_that_may_be_too_weak_for_a_wall_do_not_extend_a_facade():
+    # eight certain paths off one half of a wall, and three off the other half with very uncertain gains
     tx = np.array([0.0, 0.0, 12.0])
     rx = np.column_stack([np.r_[np.linspace(-40, 0, 8), 14.0, 16.0, 18.0], np.full(11, 5.0), np.full(11, 1.5)])
     wall = (270.0, -30.0)
-    unsure = np.arange(11) >= 8
-    part = bounces(np.tile(tx, (11, 1)), rx, wall, loss=np.where(unsure, 32.0, 6.0))
+    uncertain = np.arange(11) >= 8
+    part = bounces(np.tile(tx, (11, 1)), rx, wall, loss=np.where(uncertain, 32.0, 6.0))
     table = joined([part], DELAY_STD, AZIMUTH_STD, 4)
     table["delay_std"][:], table["azimuth_std"][:] = DELAY_STD, AZIMUTH_STD
-    table["path_gain_std"][:] = np.where(unsure, 12.0, 0.5)
+    table["path_gain_std"][:] = np.where(uncertain, 12.0, 0.5)
     environment, _ = reconstruct(select(table))
-    # the last sure path bounces at 0 m, the unsure ones 8 to 10 m from there; half a metre is the margin
+    # the last certain path is reflected at 0 m, the uncertain ones 8 to 10 m from there; half a metre is the margin
     assert environment.reflectors["end_points"].values[..., 0].max() < 1.0
 
 
-@pytest.mark.parametrize(("strays", "asked"), [(3, True), (9, False)])
-def test_among_as_many_strays_as_paths_a_facade_is_not_asked_how_many_faces_it_has(strays, asked, monkeypatch):
-    # eight links saw a straight wall, and as many others as there are strays have paths about what it predicts
+@pytest.mark.parametrize(("clutter", "tested"), [(3, True), (9, False)])
+def test_a_facade_with_as_many_clutter_paths_as_own_paths_is_not_split(clutter, tested, monkeypatch):
+    # eight links saw a straight wall; the others have clutter near what the wall predicts
     rng = np.random.default_rng(5)
     tx = np.array([0.0, 0.0, 12.0])
-    rx = np.column_stack([np.linspace(-30, 30, 8 + strays), rng.uniform(-8, 8, 8 + strays), np.full(8 + strays, 1.5)])
+    rx = np.column_stack(
+        [np.linspace(-30, 30, 8 + clutter), rng.uniform(-8, 8, 8 + clutter), np.full(8 + clutter, 1.5)]
+    )
     table = joined([bounces(np.tile(tx, (len(rx), 1)), rx, (270.0, -30.0))], 0.0, 0.0, 5)
     table["delay_std"][:], table["azimuth_std"][:] = DELAY_STD, AZIMUTH_STD
     off = np.arange(8, len(rx))
-    table["delay"][off] = table["delay"].values[off] + rng.choice([-1, 1], strays) * rng.uniform(2, 3, strays) * 1e-9
+    table["delay"][off] = table["delay"].values[off] + rng.choice([-1, 1], clutter) * rng.uniform(2, 3, clutter) * 1e-9
     paths = Paths.from_table(select(table))
     free = np.zeros(len(rx), dtype=bool)
     free[off] = True
-    divided = []
-    monkeypatch.setattr(bends_of, "_divided", lambda *given: divided.append(1) or given[3])
+    split = []
+    monkeypatch.setattr(bent_facades_module, "_split", lambda *given: split.append(1) or given[3])
     group = Group(fit_line(paths.take(~free), seed_line(paths.take(~free))), np.flatnonzero(~free))
-    assert unbent(paths, [group], free, 3) == [group]
-    assert bool(divided) == asked
+    assert split_bent_facades(paths, [group], free, 3) == [group]
+    assert bool(split) == tested

@@ -1,4 +1,4 @@
-"""Trials ahead of their turn find what turns one after another find; arrays of lists are lists."""
+"""Trials in batches find what one trial after another finds; ragged arrays are lists."""
 
 from itertools import pairwise
 
@@ -10,12 +10,12 @@ from erm.reconstruction.model.grid import Grid
 from erm.reconstruction.model.line import Lines, seed_line
 from erm.reconstruction.model.loss import weighted_quantile, weighted_quantiles
 from erm.reconstruction.model.paths import Paths
-from erm.reconstruction.model.ragged import Ragged, sums
-from erm.reconstruction.search.greedy import Group, Trial, Turns
+from erm.reconstruction.model.ragged import Ragged, list_sums
+from erm.reconstruction.search.greedy import GreedySelection, Group, Trial
 
 
-def claims(rng, count=300):
-    """What each of many would like to have, in a world where tastes overlap."""
+def overlapping_groups(rng, count=300):
+    """Paths that the group of each seed would take; neighbouring groups overlap."""
     return [np.unique(rng.integers(max(0, one - 12), min(count, one + 12), 6)) for one in range(count)]
 
 
@@ -31,37 +31,37 @@ def one_after_another(order, wanted, min_support):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_turns_tried_ahead_find_what_turns_one_after_another_find(seed):
+def test_batches_find_what_one_seed_after_another_finds(seed):
     rng = np.random.default_rng(seed)
-    wanted = claims(rng)
+    wanted = overlapping_groups(rng)
     order = rng.permutation(len(wanted))
-    turns = Turns[Group](np.arange(len(wanted)), min_support=3)
+    selection = GreedySelection[Group](np.arange(len(wanted)), min_support=3)
 
-    def trials(some, free):
+    def try_seeds(some, free):
         own = [wanted[one][free[wanted[one]]] for one in some.tolist()]
-        return [Trial(Group(None, members), members) for members in own]
+        return [Trial(Group(None, inliers), inliers) for inliers in own]
 
-    partners = Ragged.of_lists([rng.integers(0, len(wanted), 3) for _ in wanted])
-    turns.take(order, trials, partners)
-    assert [group.members.tolist() for group in turns.found] == one_after_another(order, wanted, 3)
-    assert not turns.free[np.concatenate([group.members for group in turns.found])].any()
+    partners = Ragged.from_lists([rng.integers(0, len(wanted), 3) for _ in wanted])
+    selection.run(order, try_seeds, partners)
+    assert [group.inliers.tolist() for group in selection.found] == one_after_another(order, wanted, 3)
+    assert not selection.free[np.concatenate([group.inliers for group in selection.found])].any()
 
 
-def test_a_row_of_the_table_is_taken_once_whatever_its_hypotheses():
-    turns = Turns[Group](np.array([5, 5, 7, 7, 9]), min_support=1)
-    members = [np.array([0, 2]), np.array([1, 4])]
+def test_hypotheses_about_one_mpc_are_taken_once():
+    selection = GreedySelection[Group](np.array([5, 5, 7, 7, 9]), min_support=1)
+    inliers = [np.array([0, 2]), np.array([1, 4])]
 
-    def trials(some, free):
-        own = [members[one][free[members[one]]] for one in some.tolist()]
+    def try_seeds(some, free):
+        own = [inliers[one][free[inliers[one]]] for one in some.tolist()]
         return [Trial(Group(None, one), one) for one in own]
 
-    turns.take(np.arange(2), trials)
-    assert [group.members.tolist() for group in turns.found] == [[0, 2], [4]]
-    assert not turns.free.any()
+    selection.run(np.arange(2), try_seeds)
+    assert [group.inliers.tolist() for group in selection.found] == [[0, 2], [4]]
+    assert not selection.free.any()
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.4, 5.0, 100.0])
-def test_a_grid_finds_all_points_in_reach_on_their_sheet_and_no_others(radius):
+def test_a_grid_finds_exactly_the_points_within_the_radius_on_their_sheet(radius):
     rng = np.random.default_rng(3)
     points, sheet = rng.uniform(-40, 60, (500, 2)), rng.integers(0, 4, 500)
     places, of = rng.uniform(-60, 80, (80, 2)), rng.integers(0, 4, 80)
@@ -74,13 +74,13 @@ def test_a_grid_finds_all_points_in_reach_on_their_sheet_and_no_others(radius):
 
 def test_lists_in_one_array_are_the_lists():
     lists = [np.array([3, 1]), np.array([], dtype=np.int64), np.array([4, 1, 5])]
-    ragged = Ragged.of_lists(lists)
+    ragged = Ragged.from_lists(lists)
     assert [one.tolist() for one in ragged] == [[3, 1], [], [4, 1, 5]]
     assert [one.tolist() for one in ragged.take(np.array([2, 1, 2]))] == [[4, 1, 5], [], [4, 1, 5]]
-    assert [one.tolist() for one in ragged.kept(ragged.rows != 1)] == [[3], [], [4, 5]]
-    assert ragged.distinct(np.array([0, 9, 9, 9, 9, 2])).tolist() == [1, 0, 2]
-    assert sums(np.array([1.0, 2, 3, 4, 5]), ragged.start).tolist() == [3, 0, 12]
-    parts = [ragged.part(part) for part in ragged.parts(2)]
+    assert [one.tolist() for one in ragged.masked(ragged.rows != 1)] == [[3], [], [4, 5]]
+    assert ragged.count_distinct(np.array([0, 9, 9, 9, 9, 2])).tolist() == [1, 0, 2]
+    assert list_sums(np.array([1.0, 2, 3, 4, 5]), ragged.start).tolist() == [3, 0, 12]
+    parts = [ragged.batch(part) for part in ragged.batches(2)]
     assert [one.tolist() for part in parts for one in part] == [one.tolist() for one in lists]
     assert len(parts) == 2
 
@@ -113,8 +113,8 @@ def paths_off(normal, offset, count, rng):
         loss=column,
         loss_std=column,
         wavelength=column + 0.002,
-        rise=column,
-        rise_std=column,
+        elevation_excess=column,
+        elevation_std=column,
         row=np.arange(count),
     )
 
@@ -126,14 +126,14 @@ def test_walls_fitted_together_are_those_fitted_one_by_one():
     ]
     columns = zip(*(vars(one).values() for one in walls), strict=True)
     together = Paths(*(np.concatenate(column) for column in columns))
-    members = Ragged(np.arange(16), np.array([0, 5, 7, 16]))
+    inliers = Ragged(np.arange(16), np.array([0, 5, 7, 16]))
     starts = [seed_line(one) for one in walls]
-    lines = fit_lines(together.rays, members, Lines.of(starts))
-    chi2 = misfits(together.rays, members.rows, lines, members.owner)
+    lines = fit_lines(together.columns, inliers, Lines.from_list(starts))
+    chi2 = misfits(together.columns, inliers.rows, lines, inliers.owner)
     for number, (one, start) in enumerate(zip(walls, starts, strict=True)):
-        alone, same = fit_line(one, start), lines.one(number)
+        alone, same = fit_line(one, start), lines.line(number)
         # sums in another order differ by rounding, and steps end below 1e-11
         assert same.normal == pytest.approx(alone.normal, abs=1e-9)
         assert same.offset == pytest.approx(alone.offset, abs=1e-9)
         np.testing.assert_allclose(same.covariance, alone.covariance, rtol=1e-8)
-        np.testing.assert_allclose(chi2[members.owner == number], misfit(one, alone), rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(chi2[inliers.owner == number], misfit(one, alone), rtol=1e-6, atol=1e-9)

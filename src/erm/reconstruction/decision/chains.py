@@ -1,0 +1,189 @@
+"""Chains of reflections off known walls: what they predict, and which paths they explain."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from erm.geometry.vertical import FloatArray, angle_difference, mirrored, unit
+from erm.reconstruction.decision.multi_bounce import CHAIN_LOSS_TOLERANCE, image_slopes, mirror_of
+from erm.reconstruction.model.fit import CHI_SQUARED_GATE
+from erm.reconstruction.model.line import Lines
+from erm.reconstruction.model.loss import DIFFUSE_EXCESS_LOSS, reflection_loss
+from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.model.ragged import first_of_each
+from erm.reconstruction.model.wall import Wall
+from erm.reconstruction.search.false_alarm import RING_RADIUS
+from erm.reconstruction.search.images import SEARCH_RADIUS, Images
+
+MAX_CHAINS = 20_000
+"""Chains that are searched at most, from all transmitters: a large city has more, and clutter for each. Chosen; not
+derived."""
+MAX_COMPARISONS = 1e8
+"""Chains times paths that are searched at most. Chosen; not derived."""
+MAX_FALSE_SHARE = 0.05
+"""Largest share of chains that may be found by chance. Chosen; not derived."""
+
+
+class Prediction(NamedTuple):
+    """What chains predict of paths, with slopes by the (normal, offset) of each of their walls."""
+
+    length: FloatArray  # (path,) m
+    azimuth: FloatArray  # (path,) degree
+    length_slope: FloatArray  # (path, bounce, 2)
+    azimuth_slope: FloatArray  # (path, bounce, 2)
+
+
+class Chains(NamedTuple):
+    """Paths and the walls that each met, the one nearest to the transmitter first; all met the same number of walls."""
+
+    paths: Paths
+    walls: IntArray  # (path, bounce)
+
+
+def predict_chains(tx: FloatArray, rx: FloatArray, walls: IntArray, lines: Lines) -> Prediction:
+    """Predict the paths (path,) of antennas (path, 3) that met walls (path, bounce), transmitter first, by images."""
+    places, slopes = chain_images(tx[:, :2], walls, lines)
+    apart = places[-1] - rx[:, :2]
+    horizontal = np.hypot(apart[:, 0], apart[:, 1])
+    slant = np.hypot(horizontal, tx[:, 2] - rx[:, 2])
+    toward = apart / horizontal[:, None]
+    left = np.stack([-toward[:, 1], toward[:, 0]], axis=-1)
+    return Prediction(
+        slant,
+        np.rad2deg(np.arctan2(apart[:, 1], apart[:, 0])) % 360,
+        np.einsum("p,pi,pbik->pbk", horizontal / slant, toward, slopes),
+        np.rad2deg(np.einsum("p,pi,pbik->pbk", 1 / horizontal, left, slopes)),
+    )
+
+
+def chain_images(point: FloatArray, walls: IntArray, lines: Lines) -> tuple[list[FloatArray], FloatArray]:
+    """Images of points (path, 2) in the walls of chains (path, bounce).
+
+    Returns
+    -------
+    places : list of array (path, 2)
+        The points, and their image after each wall [m].
+    slopes : array (path, bounce, 2, 2)
+        Of the last image by the (normal, offset) of each wall. Later reflections mirror the slopes of earlier walls.
+    """
+    places, slopes = [point], np.zeros((len(point), walls.shape[1], 2, 2))
+    for bounce, wall in enumerate(walls.T):
+        normal, offset, pivot = lines.normal[wall], lines.offset[wall], lines.pivot[wall]
+        n = unit(normal)
+        reflection = np.eye(2) - 2 * n[:, :, None] * n[:, None, :]
+        slopes[:, :bounce] = reflection[:, None] @ slopes[:, :bounce]
+        slopes[:, bounce] = image_slopes(normal, offset, places[-1] - pivot)
+        places.append(mirrored(places[-1] - pivot, normal, offset) + pivot)
+    return places, slopes
+
+
+class ChainSearch:
+    """Search of paths by the images of chains.
+
+    Parameters
+    ----------
+    walls, paths, max_gap
+        See `erm.reconstruction.decision.adjust.adjust_walls`.
+    """
+
+    def __init__(self, walls: Sequence[Wall], paths: Paths, max_gap: float) -> None:
+        self.paths, self.images = paths, Images(paths)
+        mirrors = [mirror_of(wall, max_gap) for wall in walls]
+        self.low, self.high, self.index_squared, self.loss_error = np.array(
+            [(mirror.low, mirror.high, mirror.index_squared, mirror.loss_error) for mirror in mirrors]
+        ).T
+
+    def find(self, lines: Lines, covariance: FloatArray) -> list[Chains]:
+        """Find the paths that chains of two, and of three, walls explain; each path has one chain."""
+        count = len(lines.normal)
+        first, second = np.nonzero(~np.eye(count, dtype=bool))
+        found = []
+        tried = np.stack([first, second], axis=1)
+        for _ in range(2):
+            chains = len(tried) * len(self.images.transmitters)
+            if not 0 < chains <= MAX_CHAINS or len(tried) * len(self.paths) > MAX_COMPARISONS:
+                break
+            explained = self._explained(tried, lines, covariance)
+            if explained is not None:
+                found.append(explained)
+            # chains of three: those that return to the first wall, and found pairs extended by any wall
+            pairs = tried if explained is None else np.unique(explained.walls, axis=0)
+            back = np.column_stack([tried, tried[:, 0]])
+            longer = [np.column_stack([pairs, np.full(len(pairs), last)]) for last in range(count)] if explained else []
+            tried = np.unique(np.vstack([back, *longer]), axis=0)
+            tried = tried[tried[:, 1] != tried[:, 2]]
+        taken: set[int] = set()
+        result = []
+        for one in found:
+            fresh = ~np.isin(one.paths.row, list(taken))
+            taken |= set(one.paths.row.tolist())
+            result.append(Chains(one.paths.take(fresh), one.walls[fresh]))
+        return [one for one in result if len(one.paths)]
+
+    def _explained(self, tried: IntArray, lines: Lines, covariance: FloatArray) -> Chains | None:
+        """Paths that chains (chain, bounce) explain; None if too many of them would be by chance."""
+        transmitters = len(self.images.transmitters)
+        chain = np.tile(tried, (transmitters, 1))
+        of = np.repeat(np.arange(transmitters), len(tried))
+        places, slopes = chain_images(self.images.transmitters[of, :2], chain, lines)
+        spread = np.sqrt(np.einsum("cbik,cbkl,cbil->c", slopes, lines.covariance[chain], slopes))
+        near = self.images.near_points(places[-1], of, RING_RADIUS * (self.images.radius + SEARCH_RADIUS * spread))
+        chain, rows = chain[near.owner], near.rows
+        paths = self.paths.take(rows)
+        found = predict_chains(paths.tx, paths.rx, chain, lines)
+        chi2 = _chi_squared(paths, found, chain, covariance)
+        in_ring = (chi2 < RING_RADIUS**2 * CHI_SQUARED_GATE) & self._is_possible(paths, chain, lines)
+        chain, rows, chi2 = chain[in_ring], rows[in_ring], chi2[in_ring]
+        inside = chi2 < CHI_SQUARED_GATE
+        by_chance = np.count_nonzero(~inside) / (RING_RADIUS**2 - 1)
+        if by_chance > MAX_FALSE_SHARE * np.count_nonzero(inside):
+            return None
+        chain, rows, chi2 = chain[inside], rows[inside], chi2[inside]
+        # one chain for each path, and one path of a link for each chain
+        number = np.unique(chain, axis=0, return_inverse=True)[1].ravel()
+        for of_path in (True, False):
+            key = rows if of_path else number * (self.paths.link.max() + 1) + self.paths.link[rows]
+            order = np.lexsort((chi2, key))
+            best = np.sort(order[first_of_each(key[order])])
+            chain, rows, chi2, number = chain[best], rows[best], chi2[best], number[best]
+        return Chains(self.paths.take(rows), chain) if len(rows) else None
+
+    def _is_possible(self, paths: Paths, chain: IntArray, lines: Lines) -> BoolArray:
+        """Whether (path,) the walls may stand where the paths would meet them, and lose what the paths lost."""
+        places, _ = chain_images(paths.tx[:, :2], chain, lines)
+        here = paths.rx[:, :2]
+        horizontal = np.linalg.norm(places[-1] - here, axis=-1)
+        cos_elevation = horizontal / np.hypot(horizontal, paths.tx[:, 2] - paths.rx[:, 2])
+        possible = np.ones(len(paths), dtype=bool)
+        loss, variance = np.zeros(len(paths)), paths.loss_std**2
+        for wall, image in zip(chain.T[::-1], places[:0:-1], strict=True):
+            frame = lines.frames(wall)
+            near, far = frame.signed_distance(here), frame.signed_distance(image)
+            possible &= (near > 0) & (far < 0)
+            share = near / np.where(near - far > 0, near - far, np.inf)
+            toward = image - here
+            cosine = np.abs(np.sum(toward * unit(lines.normal[wall]), axis=-1))
+            cosine = cosine / np.maximum(np.linalg.norm(toward, axis=-1), 1e-9) * cos_elevation
+            here = here + share[:, None] * toward
+            along = frame.along(here)
+            possible &= (along > self.low[wall]) & (along < self.high[wall])
+            loss += reflection_loss(self.index_squared[wall], cosine)
+            variance = variance + self.loss_error[wall] ** 2
+        error = np.sqrt(variance)
+        least, most = loss - CHAIN_LOSS_TOLERANCE - error, loss + DIFFUSE_EXCESS_LOSS + 2 * error
+        return possible & (paths.loss > least) & (paths.loss < most)
+
+
+def _chi_squared(paths: Paths, found: Prediction, chain: IntArray, covariance: FloatArray) -> FloatArray:
+    """Chi-squared (path,) of paths against chains, the uncertainty of the walls included."""
+    slope = np.stack([found.length_slope, found.azimuth_slope], axis=1)  # (path, 2, bounce, 2)
+    spread = np.zeros((len(paths), 2, 2))
+    for one in range(chain.shape[1]):
+        for other in range(chain.shape[1]):
+            both = covariance[chain[:, one], :, chain[:, other]]
+            spread += slope[:, :, one] @ both @ slope[:, :, other].swapaxes(1, 2)
+    spread[:, 0, 0] += paths.length_std**2
+    spread[:, 1, 1] += paths.azimuth_std**2
+    apart = np.stack([paths.length - found.length, angle_difference(paths.azimuth, found.azimuth)], axis=-1)
+    return np.einsum("pi,pij,pj->p", apart, np.linalg.inv(spread), apart)
