@@ -1,16 +1,17 @@
 # Every target makes its own .venv; nothing is needed beside Python >= 3.11 with pip.
 #   make check   lint, types, import rules and the fast tests: the inner loop
 #   make test    the same with all tests
+#   make lowest  the fast tests with the lowest versions that pyproject.toml admits
 # Another interpreter: make PYTHON=python3.12 test
 
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-# a test process for each processor; each takes the next test when it is idle
-PYTEST := $(BIN)/pytest --numprocesses logical --dist worksteal
+# a test process for each processor; tests of one group run in one process
+PYTEST := $(BIN)/pytest --numprocesses logical --dist loadgroup
 
-.PHONY: demo check test lint docs bench clean
+.PHONY: demo check test lowest lint docs bench clean
 
 demo: $(READY)
 	$(BIN)/sounder demo --out demo-output
@@ -20,6 +21,14 @@ check: lint
 
 test: lint
 	$(PYTEST)
+
+# the fast tests with the lowest versions that pyproject.toml admits; old versions may warn of newer ones
+lowest: $(READY)
+	@$(BIN)/python -m venv --clear --without-pip .venv-lowest
+	@$(BIN)/python .ci/lowest.py >.venv-lowest/constraints.txt
+	@$(BIN)/python -m pip --python .venv-lowest install --quiet --disable-pip-version-check \
+		--constraint .venv-lowest/constraints.txt --editable '.[cluster,gis,cad]' --group test
+	.venv-lowest/$(PYTEST:.venv/%=%) -m "not slow" -W default::DeprecationWarning -W default::FutureWarning
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -36,7 +45,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/run.py
 
 clean:
-	rm -rf .venv .grimp_cache .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist site demo-output
+	rm -rf .venv .venv-lowest .grimp_cache .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist site demo-output
 
 # The second way of making .venv is for systems whose Python comes without ensurepip.
 $(READY): pyproject.toml
@@ -46,5 +55,5 @@ $(READY): pyproject.toml
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv >/dev/null 2>&1 || \
 		{ $(PYTHON) -m venv --clear --without-pip .venv && $(PYTHON) -m pip --python .venv install --quiet pip; }
 	@$(INSTALL) "pip>=25.1"
-	@$(INSTALL) --editable . --group test --group docs
+	@$(INSTALL) --editable . --group lint --group test --group docs
 	@touch $@
