@@ -24,7 +24,7 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-def _beside(path: Path, info: ValidationInfo[Any]) -> Path:
+def _beside(path: Path, info: ValidationInfo) -> Path:
     return path if info.context is None else Path(info.context).parent / path
 
 
