@@ -22,7 +22,8 @@ console.add_version(app)
 
 Layout = Annotated[Path | None, typer.Option(help="Layout (TOML) of a foreign HDF5 or MATLAB file.")]
 Description = Annotated[
-    Path | None, typer.Option("--sounder", help="Sounder description (TOML); default: that of the recording.")
+    Path | None,
+    typer.Option("--sounder", help="Sounder description (TOML); default: that in the recording, or the shipped one."),
 ]
 
 

@@ -47,7 +47,7 @@ def test_captures_become_a_map(part, tmp_path, capsys):
 
     printed = capsys.readouterr()
     assert printed.err == ""
-    told = dict(line.split("\t") for line in printed.out.splitlines() if "\t" in line)
-    assert told["positions"] == "6"
-    assert told["RP perpendicular error, RMSE"] == f"{score['rmse']:.3f} m"
-    assert told["the same by the planar equations of the letter"] == f"{score['planar_rmse']:.3f} m"
+    shown = dict(line.split("\t") for line in printed.out.splitlines() if "\t" in line)
+    assert shown["positions"] == "6"
+    assert shown["RP perpendicular error, RMSE"] == f"{score['rmse']:.3f} m"
+    assert shown["the same by the planar equations of the letter"] == f"{score['planar_rmse']:.3f} m"

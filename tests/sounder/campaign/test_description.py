@@ -1,4 +1,4 @@
-"""A campaign file says what is wrong with it in one line, and finds the recordings that it names."""
+"""A campaign file finds its recordings, and its errors are reported in one line."""
 
 from pathlib import Path
 
@@ -55,7 +55,7 @@ def test_recordings_and_calibration_are_all_that_must_be_said(campaign, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         (MINIMAL.replace("calibration", "calibraton"), "recordings.calibraton: unknown key; did you mean calibration?"),
         (MINIMAL + "[maps]\n", "maps: unknown key; did you mean map?"),
@@ -76,23 +76,23 @@ def test_recordings_and_calibration_are_all_that_must_be_said(campaign, tmp_path
         ("[[recordings]]\nfiles = ['a.h5']\nlayout = 'l'\n[[recordings]]\nfile = 'b'\n", "recordings.1.files: missing"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named_by_its_key(campaign, tmp_path, text, told):
+def test_what_is_wrong_is_named_by_its_key(campaign, tmp_path, text, expected):
     with pytest.raises(DataError) as error:
         campaign(text)
-    assert str(error.value).startswith(f"{tmp_path / 'street.toml'}: {told}")
+    assert str(error.value).startswith(f"{tmp_path / 'street.toml'}: {expected}")
     assert "\n" not in str(error.value)
 
 
-def test_what_is_no_campaign_is_told(tmp_path):
+def test_an_invalid_campaign_is_reported(tmp_path):
     (tmp_path / "RX1.h5").write_bytes(b"\x89HDF\r\n")
-    for path, told in (
+    for path, expected in (
         (tmp_path / "absent.toml", "No such file or directory; expected a TOML file"),
         (tmp_path, "Is a directory; expected a TOML file"),
         (tmp_path / "RX1.h5", "not TOML ("),
     ):
         with pytest.raises(DataError) as error:
             load_campaign(path)
-        assert str(error.value).startswith(f"{path}: {told}")
+        assert str(error.value).startswith(f"{path}: {expected}")
 
 
 def test_files_are_named_from_the_campaigns_own_folder(campaign, tmp_path):

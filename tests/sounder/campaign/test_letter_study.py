@@ -1,4 +1,4 @@
-"""The page of the study: deterministic, and there whole or not at all. Captures are left out for speed."""
+"""The page of the study is deterministic, and written completely or not at all. Captures are left out for speed."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The twin as the laboratory of the letter's study: its claims through full captures, on a part of the positions."""
+"""The claims of the letter's study, with simulated captures of a part of the positions."""
 
 import tomllib
 from importlib import import_module
@@ -27,7 +27,7 @@ def test_the_entry_point_has_every_function_that_the_study_asks_for():
     assert all(callable(getattr(laboratory, name)) for name in ("campaign", "measure", "draw_daps"))
 
 
-def test_the_positions_stand_at_the_published_distances(uma):
+def test_the_positions_are_at_the_published_distances(uma):
     # the scene's coordinates are rounded to 0.1 mm, the letter's distances to 0.1 m
     distance = {link.name: link.distance for link in uma.links}
     for positions in TABLE_2.values():

@@ -1,4 +1,4 @@
-"""A back-to-back, layout or description that does not fit stops what needs it, in one line."""
+"""A back-to-back, layout or description that does not fit is reported in one line."""
 
 from pathlib import Path
 
@@ -11,14 +11,14 @@ from .commands import SCENE, SOUNDER, names, run
 
 
 @pytest.mark.parametrize(
-    ("replaced", "told"),
+    ("replaced", "expected"),
     [
         (("polynomial = [7, 1, 0]", "polynomial = [7, 3, 0]"), "does not stand out in it"),
         (("frequency = 132e9\nlo_frequency = 21e9", "frequency = 138e9\nlo_frequency = 22e9"), "carrier [Hz]"),
         (("order = 7\npolynomial = [7, 1, 0]", "order = 8\npolynomial = [8, 4, 3, 2, 0]"), "samples a capture"),
     ],
 )
-def test_the_back_to_back_of_another_sounder_is_refused(copied, campaign, replaced, told, capsys):
+def test_the_back_to_back_of_another_sounder_is_refused(copied, campaign, replaced, expected, capsys):
     other = copied / "other"
     other.mkdir()
     (other / "sounder.toml").write_text(SOUNDER.replace(*replaced), encoding="utf-8")
@@ -29,7 +29,7 @@ def test_the_back_to_back_of_another_sounder_is_refused(copied, campaign, replac
     assert run("process", copied / "RX1.h5", "--calibration", b2b, "--out", copied / "out") == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"{b2b}: back-to-back of another sounder: ")
-    assert told in line
+    assert expected in line
     assert names(copied / "out") == []
 
 
@@ -44,7 +44,7 @@ def test_the_positions_of_one_file_share_one_line(campaign, joined, tmp_path, ca
     assert line.endswith("sounder info on it shows the sequence that it holds (all 2 positions of foreign.h5)")
 
 
-def test_no_back_to_back_at_all_is_told(copied, capsys):
+def test_no_back_to_back_at_all_is_reported(copied, capsys):
     recording, absent = copied / "RX1.h5", copied / "absent.h5"
     assert run("process", recording, "--out", copied / "out") == 1
     first = capsys.readouterr().err
@@ -58,7 +58,7 @@ def test_no_back_to_back_at_all_is_told(copied, capsys):
         assert dict(describe_file(Path(line.strip().rpartition(" is ")[2])))["kind"] == "back-to-back recording"
 
 
-def test_a_back_to_back_of_zeros_is_told(copied, capsys):
+def test_a_back_to_back_of_zeros_is_reported(copied, capsys):
     with h5py.File(copied / "back-to-back.h5", "r+") as file:
         file["iq"][()] = 0
     b2b = copied / "back-to-back.h5"

@@ -12,35 +12,35 @@ from scipy.constants import c
 from .commands import facts, group, run
 
 
-def test_info_tells_of_a_recording(campaign, capsys):
+def test_info_describes_a_recording(campaign, capsys):
     assert run("info", campaign / "raw" / "RX1.h5") == 0
-    told = facts(capsys)
-    assert told["kind"] == "raw recording"
-    assert told["position"] == "RX1"
-    assert told["line of sight"] == "yes"
-    assert told["sounder"] == "small sounder, 132 GHz"
-    assert told["waveform"] == "order 7, 254 samples at 1.2 GS/s, 211.67 ns"
-    assert told["directions"] == "12 azimuths x 2 elevations"
-    assert told["RX position"] == "12.00, 3.00, 1.50 m"
-    assert told["health"] == "no direction missing, none zero, none clipped"
+    shown = facts(capsys)
+    assert shown["kind"] == "raw recording"
+    assert shown["position"] == "RX1"
+    assert shown["line of sight"] == "yes"
+    assert shown["sounder"] == "small sounder, 132 GHz"
+    assert shown["waveform"] == "order 7, 254 samples at 1.2 GS/s, 211.67 ns"
+    assert shown["directions"] == "12 azimuths x 2 elevations"
+    assert shown["RX position"] == "12.00, 3.00, 1.50 m"
+    assert shown["health"] == "no direction missing, none zero, none clipped"
     # 10 dBm + 20 dBi + 15 dBi, the horn up to 15 degrees off (3 dB at most), 8.4 m of free space; the walls add little
     direct = 45 + 20 * np.log10(c / 132e9 / (4 * np.pi * np.sqrt(8**2 + 2**2 + 1.5**2)))
-    highest = float(told["received power"].split(" to ")[1].split(" dBm")[0])
+    highest = float(shown["received power"].split(" to ")[1].split(" dBm")[0])
     assert direct - 6 < highest < direct + 1
 
 
 @pytest.mark.slow
-def test_info_tells_of_back_to_back_and_product(campaign, products, capsys):
+def test_info_describes_back_to_back_and_product(campaign, products, capsys):
     assert run("info", campaign / "back-to-back.h5") == 0
-    told = facts(capsys)
-    assert told["kind"] == "back-to-back recording"
-    assert told["attenuation"] == "60 dB (nominal)"
-    assert told["sequence found"].startswith("order 7, polynomial [7, 1, 0] forward, ")
+    shown = facts(capsys)
+    assert shown["kind"] == "back-to-back recording"
+    assert shown["attenuation"] == "60 dB (nominal)"
+    assert shown["sequence found"].startswith("order 7, polynomial [7, 1, 0] forward, ")
     assert run("info", products / "RX2.h5") == 0
-    told = facts(capsys)
-    assert told["kind"] == "product of sounder process"
-    assert int(told["MPCs"]) == group(products / "RX2.h5", "/mpc").sizes["mpc"]
-    assert "0 directions missing" in told["health"]
+    shown = facts(capsys)
+    assert shown["kind"] == "product of sounder process"
+    assert int(shown["MPCs"]) == group(products / "RX2.h5", "/mpc").sizes["mpc"]
+    assert "0 directions missing" in shown["health"]
 
 
 @pytest.mark.parametrize("file", ["products/RX1.h5", "raw/RX1.h5"])
@@ -68,22 +68,22 @@ def test_info_names_what_a_broken_product_lacks(products, tmp_path, capsys):
     assert "'los'" in line
 
 
-def test_info_tells_of_other_files_of_this_software(campaign, capsys):
+def test_info_describes_other_files_of_this_software(campaign, capsys):
     assert run("info", campaign / "truth" / "paths.h5") == 0
-    told = facts(capsys)
-    assert told["kind"] == "Propagation paths of all positions, traced"
-    assert told["made by"] == "sounder simulate room"
-    assert " path" in told["holds"]
+    shown = facts(capsys)
+    assert shown["kind"] == "Traced propagation paths of all positions"
+    assert shown["made by"] == "sounder simulate room"
+    assert " path" in shown["holds"]
 
 
-def test_info_tells_how_much_of_a_file_is_there(copied, capsys):
+def test_info_says_how_much_of_a_file_is_there(copied, capsys):
     whole = (copied / "RX1.h5").read_bytes()
     (copied / "RX1.h5").write_bytes(whole[:5000])
     assert run("info", copied / "RX1.h5") == 1
     assert f"damaged HDF5 file (5000 of its {len(whole)} bytes); make or copy it again" in capsys.readouterr().err
 
 
-def test_info_tells_of_a_foreign_file(campaign, joined, capsys):
+def test_info_describes_a_foreign_file(campaign, joined, capsys):
     assert run("info", joined, "--layout", joined.with_name("layout.toml"), "--sounder", campaign / "sounder.toml") == 0
     out = capsys.readouterr().out
     assert out.count("raw recording") == 2

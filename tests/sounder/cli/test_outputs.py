@@ -28,7 +28,7 @@ def test_a_product_never_replaces_another_input(copied, capsys, name):
     assert {key: value for key, value in digest(copied).items() if key in before} == before
 
 
-def test_two_positions_of_one_name_are_told(copied, capsys):
+def test_two_positions_of_one_name_are_reported(copied, capsys):
     shutil.copy(copied / "RX1.h5", copied / "copy.h5")
     b2b = copied / "back-to-back.h5"
     assert run("process", copied / "RX1.h5", copied / "copy.h5", "--calibration", b2b, "--out", copied / "out") == 1
@@ -36,7 +36,7 @@ def test_two_positions_of_one_name_are_told(copied, capsys):
     assert names(copied / "out") == ["RX1.h5"]
 
 
-def test_a_folder_that_cannot_be_written_is_told(copied, capsys):
+def test_a_folder_that_cannot_be_written_is_reported(copied, capsys):
     (copied / "file").write_text("in the way")
     b2b = copied / "back-to-back.h5"
     assert run("process", copied / "RX1.h5", "--calibration", b2b, "--out", copied / "file") == 2

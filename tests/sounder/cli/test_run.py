@@ -1,4 +1,4 @@
-"""`sounder run`: a campaign to map and report; what fails costs itself alone, what is there is not made again."""
+"""`sounder run`: a campaign to map and report. A failure costs one position, and existing products are kept."""
 
 import json
 import os
@@ -82,7 +82,7 @@ def test_one_command_makes_products_table_map_figures_and_report(made):
 
 
 @pytest.mark.slow
-def test_the_report_tells_of_every_position_wall_and_error(made):
+def test_the_report_shows_every_position_wall_and_error(made):
     out = made / "street"
     text = (out / "report.md").read_text(encoding="utf-8")
     assert text.startswith("# street\n\n2 positions and ")
@@ -115,7 +115,7 @@ def test_the_report_tells_of_every_position_wall_and_error(made):
 
 
 @pytest.mark.slow
-def test_what_is_there_is_not_made_again(made, capsys):
+def test_what_exists_is_not_made_again(made, capsys):
     out = made / "street"
     before = {folder: stamps(out / folder) for folder in ("products", "figures")}
     whole = digest(out)
@@ -141,7 +141,7 @@ def test_a_figure_that_is_not_younger_than_its_product_is_drawn_again(made, tmp_
 
 
 @pytest.mark.slow
-def test_products_of_sounder_process_are_gone_on_from(written, copied, capsys):
+def test_products_of_sounder_process_are_continued_from(written, copied, capsys):
     arguments = ("process", copied / "RX1.h5", "--calibration", copied / "back-to-back.h5")
     assert run(*arguments, "--out", copied / "elsewhere" / "products") == 0
     before = stamps(copied / "elsewhere" / "products")
@@ -210,7 +210,7 @@ def test_a_position_that_fails_is_named_and_the_rest_is_done(written, copied, ca
     with h5py.File(copied / "RX2.h5", "r+") as file:
         file["iq"][2, 0] = 0
     said = []
-    for already in (0, 2):  # what is wrong with a product that is there is told again
+    for already in (0, 2):  # failures of a kept product are reported again
         assert run("run", written()) == 1
         printed = capsys.readouterr()
         assert f"2 products; {already} of 2 positions kept from an earlier run" in printed.out
@@ -241,7 +241,7 @@ def test_products_that_are_not_of_the_campaign_are_left_and_not_used(written, co
     assert {row.partition(",")[0] for row in rows} == {"RX1"}
 
 
-def test_nothing_to_process_is_told_and_nothing_written(written, copied, capsys):
+def test_nothing_to_process_is_reported_and_nothing_written(written, copied, capsys):
     out = copied / "street"
     assert run("run", written(('"*.h5"', '"RX7.h5", "day2/*.h5"'))) == 1
     assert capsys.readouterr().err.splitlines() == [
@@ -253,17 +253,17 @@ def test_nothing_to_process_is_told_and_nothing_written(written, copied, capsys)
 
 
 @pytest.mark.parametrize(
-    ("replaced", "told"),
+    ("replaced", "expected"),
     [
         (("min_support = 2", 'outline = "absent.geojson"'), "{folder}/absent.geojson: cannot be read"),
         (("min_support = 2", 'outline = "street/map.h5"'), "{folder}/street/map.h5: no such file"),
         (("positions", "position"), "{folder}/street.toml: figures.position: unknown key; did you mean positions?"),
     ],
 )
-def test_what_cannot_end_well_is_refused_before_anything_is_processed(written, copied, replaced, told, capsys):
+def test_what_cannot_end_well_is_refused_before_anything_is_processed(written, copied, replaced, expected, capsys):
     assert run("run", written(replaced)) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(told.format(folder=copied))
+    assert line.startswith(expected.format(folder=copied))
     assert not (copied / "street").exists()
 
 
@@ -283,8 +283,8 @@ def test_formats_of_map_and_figures_and_the_place_on_earth(written, copied, caps
     place = 'min_support = 2\norigin = [48.1, 11.5, 520.0]\nheading = 30.0\nformats = ["geojson", "csv"]'
     figures = 'positions = ["RX9"]\nformat = "pdf"'
     assert run("run", written(("min_support = 2", place), ('positions = "none"', figures))) == 1
-    told = f"{copied / 'street.toml'}: figures.positions: RX9 is not a processed position\n"
-    assert capsys.readouterr().err == told
+    expected = f"{copied / 'street.toml'}: figures.positions: RX9 is not a processed position\n"
+    assert capsys.readouterr().err == expected
     out = copied / "street"
     assert names(out / "figures") == ["map.pdf"]
     assert (out / "map.csv").is_file()

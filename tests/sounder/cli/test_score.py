@@ -1,4 +1,4 @@
-"""`sounder score` tells how well a simulated position was processed, from any form of the truth."""
+"""`sounder score` compares MPCs with the truth in any form."""
 
 import json
 
@@ -83,10 +83,10 @@ def test_what_cannot_be_scored_is_named_and_the_rest_is(campaign, processed, cap
     ends = {"tx_position": [4, 5, 3], "rx_position": [12, 3, 1.5], "frequency": 60e9}
     write_mpcs(make_table({"position": "P99", "delay": [40e-9], "azimuth": [1.0], "path_gain": [-90.0], **ends}), other)
     assert run("score", processed[0], other, tmp_path / "none.h5", "--truth", truth) == 1
-    told = capsys.readouterr()
-    assert "5 of 5 paths found" in told.out
-    assert "P99 is not in" in told.err
-    assert "none.h5: no such file" in told.err
+    shown = capsys.readouterr()
+    assert "5 of 5 paths found" in shown.out
+    assert "P99 is not in" in shown.err
+    assert "none.h5: no such file" in shown.err
     assert run("score", processed[0], "--truth", tmp_path / "none.h5") == 1
     assert run("score", processed[0], "--truth", campaign / "back-to-back.h5") == 1
     assert "Traceback" not in capsys.readouterr().err

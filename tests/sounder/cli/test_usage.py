@@ -34,7 +34,7 @@ def test_a_missing_file_is_one_line_and_1(tmp_path, command, capsys):
     assert names(tmp_path) == []
 
 
-def test_version_is_told(capsys):
+def test_version_is_reported(capsys):
     assert run("--version") == 0
     assert capsys.readouterr().out == f"sounder-to-map {version('sounder-to-map')}\n"
 
@@ -42,9 +42,9 @@ def test_version_is_told(capsys):
 def test_help_says_what_each_command_is_for_in_a_line(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
     assert run("--help") == 0
-    told = capsys.readouterr().out
-    assert "Process raw captures of a radio channel sounder." in told
-    assert "..." not in told.partition("Commands:")[2]
+    shown = capsys.readouterr().out
+    assert "Process raw captures of a radio channel sounder." in shown
+    assert "..." not in shown.partition("Commands:")[2]
 
 
 @pytest.mark.slow

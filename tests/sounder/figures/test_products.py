@@ -1,4 +1,4 @@
-"""Figures of a DAPS: what is drawn where, in which unit, and that nothing unusual stops them."""
+"""Figures of a DAPS: contents, places and units; unusual products can be drawn, too."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -125,7 +125,7 @@ def test_two_positions_share_the_diagram_in_colours_of_their_own(polar):
         products.daps_polar([("x", second)] * 3, polar)
 
 
-def test_labels_of_the_radius_stand_where_least_is_drawn(polar):
+def test_labels_of_the_radius_are_where_least_is_drawn(polar):
     everywhere = [(200.0, a, -100.0) for a in range(0, 360, 10) if not 190 <= a <= 230]
     axes = products.daps_polar([("RX1", product(everywhere))], polar)
     assert axes.get_rlabel_position() == 195  # the first of the spokes' gaps inside 190 to 230

@@ -1,4 +1,4 @@
-"""Positions on dask workers: the same bytes, whoever makes them and whatever becomes of the workers."""
+"""Positions on dask workers: the same bytes as in one process, also if workers are lost."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""A batch: what fails costs itself alone, and what is written is whole."""
+"""Many positions: a failure costs one position, and products are written completely or not at all."""
 
 import json
 from dataclasses import replace
@@ -54,7 +54,7 @@ def jobs(sounder, tmp_path):
 
 
 @pytest.mark.slow
-def test_products_stand_in_the_order_of_the_jobs_and_progress_counts_them(jobs, tmp_path):
+def test_products_are_in_the_order_of_the_jobs_and_progress_counts_them(jobs, tmp_path):
     steps = []
     outcome = process(jobs("C", "A", "B"), tmp_path / "out", progress=lambda: steps.append(1))
     assert [path.stem for path in outcome.products] == ["C", "A", "B"]
@@ -75,7 +75,7 @@ def test_damage_met_while_reading_costs_its_position_alone(jobs, tmp_path):
 
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.slow
-def test_what_fails_alike_in_many_positions_is_told_once(jobs, tmp_path, description, workers):
+def test_the_same_failure_of_many_positions_is_reported_once(jobs, tmp_path, description, workers):
     batch = jobs("A", "B", "C")
     other = description(waveform={**WAVEFORM, "polynomial": [7, 3, 0]}, rx_antenna=HORN)
     write_back_to_back(receiver.back_to_back(other, 60.0), tmp_path / "b2b.h5", history="test")
@@ -135,7 +135,7 @@ def test_a_product_of_another_version_is_made_anew(jobs, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("spoiled", ["cut short", "no HDF5", "of an earlier version"])
 @pytest.mark.slow
-def test_what_stands_in_a_products_place_and_is_none_is_made_anew(jobs, tmp_path, spoiled):
+def test_a_file_in_the_place_of_a_product_that_is_none_is_made_anew(jobs, tmp_path, spoiled):
     batch = jobs("A")
     (product,) = process(batch, tmp_path / "out").products
     whole = product.read_bytes()
@@ -195,7 +195,7 @@ def test_a_product_is_whole_or_absent(jobs, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_options_stand_in_the_product(jobs, tmp_path):
+def test_options_are_stored_in_the_product(jobs, tmp_path):
     options = Options(averaging="power", threshold="nyu", omnidirectional="maximum", keep_cir=True)
     (product,) = process(jobs("A"), tmp_path / "out", options=options).products
     assert open_group(product, "/cir").attrs["averaging"] == "power"

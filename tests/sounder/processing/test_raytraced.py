@@ -1,4 +1,4 @@
-"""The chain on captures of an independent ray tracer, through somebody else's instrument and file layout."""
+"""The chain on captures of an independent ray tracer, with another instrument and file layout."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What is said of a position follows from what physics allows."""
+"""Failures of a position follow from the physics of propagation."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ LENGTH = 30.0
 
 
 @pytest.mark.parametrize(
-    ("excess", "std", "told"),
+    ("excess", "std", "reported"),
     [
         ([-6.0, 0.0], [0.1, 0.1], False),
         ([-6.0, 2.9], [0.1, 0.0], False),
@@ -23,7 +23,7 @@ LENGTH = 30.0
         ([], [], False),
     ],
 )
-def test_a_gain_surely_over_free_space_is_a_failure(description, excess, std, told):
+def test_a_gain_surely_over_free_space_is_a_failure(description, excess, std, reported):
     sounder = description()
     nothing = xr.Dataset({name: ("path", np.empty(0)) for name in ("delay", "azimuth", "elevation", "coefficient")})
     recording = receiver.record(
@@ -33,12 +33,12 @@ def test_a_gain_surely_over_free_space_is_a_failure(description, excess, std, to
     columns = {"delay": np.full(len(std), LENGTH / c), "path_gain": free_space + np.array(excess), "path_gain_std": std}
     mpc = xr.Dataset({name: ("mpc", np.array(values, float)) for name, values in columns.items()})
     lines = failures(recording, {"/mpc": mpc}, [])
-    assert len(lines) == told
+    assert len(lines) == reported
     assert all(f"free space over 30.0 m allows {free_space:.1f} dB" in line for line in lines)
 
 
 @pytest.mark.parametrize(
-    ("excess", "std", "told"),
+    ("excess", "std", "reported"),
     [
         ([4.8, -30.0], [1.5, 0.1], True),  # the direct path, its receiver written 140 m off
         ([4.8, -10.0], [9.0, 0.1], False),  # perhaps not the strongest
@@ -46,7 +46,7 @@ def test_a_gain_surely_over_free_space_is_a_failure(description, excess, std, to
     ],
 )
 def test_the_strongest_path_before_the_direct_one_may_not_reach_free_space_a_period_later(
-    description, excess, std, told
+    description, excess, std, reported
 ):
     sounder = description()
     nothing = xr.Dataset({name: ("path", np.empty(0)) for name in ("delay", "azimuth", "elevation", "coefficient")})
@@ -57,4 +57,4 @@ def test_the_strongest_path_before_the_direct_one_may_not_reach_free_space_a_per
     gain = 20 * np.log10(1 / sounder.carrier.frequency / (4 * np.pi * delay)) + excess
     columns = {"delay": delay, "path_gain": gain, "path_gain_std": np.array(std)}
     mpc = xr.Dataset({name: ("mpc", values) for name, values in columns.items()})
-    assert len(failures(recording, {"/mpc": mpc}, [])) == told
+    assert len(failures(recording, {"/mpc": mpc}, [])) == reported

@@ -1,4 +1,4 @@
-"""What is told of a file is true of it."""
+"""The summary of a file is true."""
 
 from dataclasses import replace
 
@@ -38,8 +38,8 @@ def recording(sounder, gain: float = -60.0, **changes):
 @pytest.mark.parametrize("agc", [False, True])
 def test_received_power_is_that_at_the_antenna_whatever_the_gain(sounder, agc):
     # 0 dBm through -60 dB; the gain control lifts it by a known amount
-    told = dict(describe_recording(recording(sounder, faults=Faults.absent(agc=agc))))
-    assert told["received power"] == "-60.0 to -60.0 dBm over the directions"
+    shown = dict(describe_recording(recording(sounder, faults=Faults.absent(agc=agc))))
+    assert shown["received power"] == "-60.0 to -60.0 dBm over the directions"
 
 
 def test_power_of_complex_samples_is_that_of_int16(sounder):
@@ -60,22 +60,22 @@ def test_health_counts_directions(sounder):
     assert dict(describe_recording(nothing))["received power"] == "none"
 
 
-@pytest.mark.parametrize(("los", "told"), [(1, "yes"), (0, "no"), (-1, "not known")])
-def test_line_of_sight_in_words(sounder, los, told):
-    assert dict(describe_recording(recording(sounder, los=los)))["line of sight"] == told
+@pytest.mark.parametrize(("los", "shown"), [(1, "yes"), (0, "no"), (-1, "not known")])
+def test_line_of_sight_in_words(sounder, los, shown):
+    assert dict(describe_recording(recording(sounder, los=los)))["line of sight"] == shown
 
 
 def test_position_in_metres(sounder):
     assert dict(describe_recording(recording(sounder)))["RX position"] == "1.00, 2.35, 3.00 m"
 
 
-def test_back_to_back_tells_the_sequence_it_holds_not_the_described_one(description, sounder):
+def test_back_to_back_shows_the_sequence_it_holds_not_the_described_one(description, sounder):
     other = description(waveform={**WAVEFORM, "polynomial": [7, 3, 0]}, scan={"azimuth": [0.0], "elevation": [0.0]})
     made = receiver.back_to_back(other, 60.0, faults=Faults.absent(dc_offset=DCOffset()))
-    told = dict(describe_back_to_back(replace(made, sounder=sounder)))
-    assert told["sequence found"].startswith("order 7, polynomial [7, 3, 0] forward, positive, 2 samples a chip; ")
-    assert told["sequence found"].endswith("; not the described order 7, polynomial [7, 1, 0] forward")
-    assert told["attenuation"] == "60 dB (nominal)"
+    shown = dict(describe_back_to_back(replace(made, sounder=sounder)))
+    assert shown["sequence found"].startswith("order 7, polynomial [7, 3, 0] forward, positive, 2 samples a chip; ")
+    assert shown["sequence found"].endswith("; not the described order 7, polynomial [7, 1, 0] forward")
+    assert shown["attenuation"] == "60 dB (nominal)"
     silent = replace(made, captures=np.zeros_like(made.captures))
     assert "no m-sequence of order 7 stands out" in dict(describe_back_to_back(silent))["sequence found"]
 
@@ -84,12 +84,12 @@ def test_a_sequence_is_the_same_as_that_of_the_reciprocal_polynomial_backwards(d
     one = {"azimuth": [0.0], "elevation": [0.0]}
     described = description(waveform={**WAVEFORM, "polynomial": [7, 6, 0], "direction": "reversed"}, scan=one)
     made = receiver.back_to_back(described, 60.0, faults=Faults.absent(dc_offset=DCOffset()))
-    told = dict(describe_back_to_back(made))["sequence found"]
-    assert told.startswith("order 7, polynomial [7, 1, 0] forward, ")
-    assert told.endswith("; the same as the described order 7, polynomial [7, 6, 0] reversed")
+    shown = dict(describe_back_to_back(made))["sequence found"]
+    assert shown.startswith("order 7, polynomial [7, 1, 0] forward, ")
+    assert shown.endswith("; the same as the described order 7, polynomial [7, 6, 0] reversed")
 
 
-def test_a_file_of_another_kind_is_told(tmp_path, sounder):
+def test_a_file_of_another_kind_is_reported(tmp_path, sounder):
     write_recording(recording(sounder), tmp_path / "raw.h5", history="test")
     assert ("position", "P") in describe_file(tmp_path / "raw.h5")
     write_product({"/": xr.Dataset({"x": ("y", [1.0])})}, tmp_path / "other.h5")

@@ -1,4 +1,4 @@
-"""A small sounder, and files that are spoilt."""
+"""A small sounder, and damaged files."""
 
 from pathlib import Path
 

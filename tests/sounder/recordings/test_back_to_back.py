@@ -1,4 +1,4 @@
-"""Back-to-back files give back what was put in, and are refused where they do not fit."""
+"""Back-to-back files return what was written, and are refused if they do not fit."""
 
 import h5py
 import numpy as np
@@ -27,7 +27,7 @@ def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
 
 
 @pytest.mark.parametrize(
-    ("datasets", "told"),
+    ("datasets", "expected"),
     [
         ({"iq": None}, "the file has no iq"),
         ({"iq": IQ[0, 0, 0]}, "expected int16 (snapshot, sample, 2)"),
@@ -36,14 +36,14 @@ def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
         ({"attenuator_s21": np.ones(5)}, "attenuator_s21 has shape (5,); expected (5, 2)"),
     ],
 )
-def test_a_back_to_back_that_does_not_fit_is_told(tmp_path, sounder, datasets, told):
+def test_a_back_to_back_that_does_not_fit_is_reported(tmp_path, sounder, datasets, expected):
     path = tmp_path / "b2b.h5"
     measured = np.linspace(131e9, 133e9, 5), np.ones(5) * 1e-3j
     write_back_to_back(receiver.back_to_back(sounder, measured, snapshots=2), path, history="test")
     edit(path, **datasets)
     with pytest.raises(DataError) as error:
         native.back_to_back(path)
-    assert told in str(error.value)
+    assert expected in str(error.value)
 
 
 def test_a_back_to_back_without_its_loss_is_refused(tmp_path, sounder):

@@ -1,4 +1,4 @@
-"""Native files give back what was put in, and read nothing before it is asked for."""
+"""Native files return what was written, and samples are read when they are needed."""
 
 import hashlib
 import json
@@ -102,7 +102,7 @@ def test_a_scan_that_is_wider_than_the_recording_leaves_directions_missing(path,
     assert back.missing == [(45.0, -9.0), (45.0, 9.0)]
 
 
-def test_provenance_stands_in_the_file(path, recording):
+def test_provenance_is_stored_in_the_file(path, recording):
     with h5py.File(path) as file:
         attributes = dict(file.attrs)
         assert file["iq"].attrs["units"] == "mW0.5"

@@ -12,7 +12,7 @@ from .files import IQ, edit
 
 
 @pytest.mark.parametrize(
-    ("datasets", "told"),
+    ("datasets", "expected"),
     [
         ({"iq": None}, "the file has no iq; expected a recording as described in docs/formats.md"),
         ({"rx_position": None, "azimuth": None}, "the file has no azimuth, rx_position"),
@@ -43,30 +43,30 @@ from .files import IQ, edit
         ({"iq": IQ[:, :, :0]}, "no snapshot"),
     ],
 )
-def test_what_does_not_fit_is_told_in_one_line(path, datasets, told):
+def test_what_does_not_fit_is_reported_in_one_line(path, datasets, expected):
     edit(path, **datasets)
     with pytest.raises(DataError) as error:
         open_recordings(path)
     message = str(error.value)
     assert message.startswith(f"{path}: ")
-    assert told in message
+    assert expected in message
     assert "\n" not in message
 
 
 @pytest.mark.parametrize(
-    ("attribute", "value", "told"),
+    ("attribute", "value", "expected"),
     [
         ("sounder", "{", "expected a sounder description"),
         ("sounder", '{"name": "x"}', "attribute sounder: waveform: missing; "),
         ("kind", "something", "not a recording of a known format; describe its layout with --layout FILE"),
     ],
 )
-def test_attributes_that_do_not_fit_are_told(path, attribute, value, told):
+def test_attributes_that_do_not_fit_are_reported(path, attribute, value, expected):
     with h5py.File(path, "r+") as file:
         file.attrs[attribute] = value
     with pytest.raises(DataError) as error:
         open_recordings(path)
-    assert told in str(error.value)
+    assert expected in str(error.value)
     assert "\n" not in str(error.value)
 
 
@@ -80,7 +80,7 @@ def test_a_recording_without_a_scale_is_refused(path, scale):
         open_recordings(path)
 
 
-def test_files_that_are_none_are_told(tmp_path, path):
+def test_files_of_other_formats_are_reported(tmp_path, path):
     with pytest.raises(DataError, match="no such file"):
         open_recordings(tmp_path / "none.h5")
     text = tmp_path / "text.h5"

@@ -1,4 +1,4 @@
-"""However a foreign file keeps the captures, a layout makes the same recordings of it."""
+"""A layout reads the same recordings from any form in which a foreign file stores captures."""
 
 import numpy as np
 import pytest

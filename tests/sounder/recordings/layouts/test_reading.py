@@ -1,4 +1,4 @@
-"""Samples are read when they are asked for, and what is wrong costs no other position."""
+"""Samples are read when they are needed, and an error costs one position."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ def test_a_position_that_cannot_be_used_leaves_the_others(opened):
     assert isinstance(found[1], Recording)
 
 
-def test_damaged_samples_are_told_when_they_are_read(tmp_path, opened):
+def test_damaged_samples_are_reported_when_they_are_read(tmp_path, opened):
     path = tmp_path / "damaged.h5"
     with h5py.File(path, "w") as file:
         file.create_dataset("raw", data=IQ, chunks=(1, *IQ.shape[1:]), fletcher32=True)

@@ -1,4 +1,4 @@
-"""A file that is not as its layout says, and a layout that is none, are told in one line."""
+"""Files that do not have their layout, and invalid layouts, are reported in one line."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from .captures import IQ, PLAIN, POSITIONS, change
 
 
 @pytest.mark.parametrize(
-    ("layout", "told"),
+    ("layout", "expected"),
     [
         (change('"raw"', '"samples"'), "no dataset samples, which the layout names"),
         (change('"raw"', '"group"'), "no dataset group, which the layout names"),
@@ -71,26 +71,26 @@ from .captures import IQ, PLAIN, POSITIONS, change
         ),
     ],
 )
-def test_a_file_that_is_not_as_the_layout_says_is_told_in_one_line(opened, layout, told):
+def test_a_file_that_is_not_as_the_layout_says_is_reported_in_one_line(opened, layout, expected):
     content = {"raw": IQ, "group/x": 1, "text": "abc", "wrong": np.zeros(5), "nan": [0, np.nan, 0, 0]}
     content["agc_nan"] = np.full((2, 4, 3), np.nan)
-    if told is None:  # one point serves all positions
+    if expected is None:  # one point serves all positions
         assert len(opened(content, layout)[0]) == POSITIONS
         return
     with pytest.raises(DataError) as error:
         opened(content, layout)
-    assert told in str(error.value)
+    assert expected in str(error.value)
     assert "foreign.h5: " in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_samples_that_do_not_fit_the_description_are_told(opened):
+def test_samples_that_do_not_fit_the_description_are_reported(opened):
     found, _ = opened({"raw": IQ[..., :250, :]}, PLAIN)
     assert all("250 samples a capture, but 132 GHz rotating-horn sounder describes 254" in str(r) for r in found)
 
 
 @pytest.mark.parametrize(
-    ("layout", "told"),
+    ("layout", "expected"),
     [
         (change("[grid]", "[grid]\ncolour = 1"), "grid.colour: unknown key"),
         (change('"iq"]', '"iq", "iq"]'), "captures: axes lists an axis twice"),
@@ -116,20 +116,20 @@ def test_samples_that_do_not_fit_the_description_are_told(opened):
         ("captures = ", "not TOML"),
     ],
 )
-def test_a_layout_that_is_none_is_told_in_one_line(tmp_path, layout, told):
+def test_an_invalid_layout_is_reported_in_one_line(tmp_path, layout, expected):
     path = tmp_path / "layout.toml"
     path.write_text(layout, encoding="utf-8")
     with pytest.raises(DataError) as error:
         load_layout(path)
     assert str(error.value).startswith(f"{path}: ")
-    assert told in str(error.value)
+    assert expected in str(error.value)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
     ("name", "content"), [("x.mat", b"not MATLAB at all"), ("x.dat", b"something"), ("y.mat", None)]
 )
-def test_files_that_are_none_are_told(tmp_path, sounder, name, content):
+def test_files_of_other_formats_are_reported(tmp_path, sounder, name, content):
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
