@@ -11,8 +11,9 @@ import numpy as np
 from erm.common.errors import DataError
 from erm.geometry.vertical import angle_difference
 from erm.maps.environment import Environment
+from erm.mpcs.antenna_pairs import links
 from erm.mpcs.elevation import implied_gain
-from erm.mpcs.selection import links, select
+from erm.mpcs.selection import select
 from erm.reconstruction.model.extent import MAX_FRESNEL_MARGIN
 from erm.reconstruction.reconstruct import reconstruct
 from erm.tracing.trace import trace

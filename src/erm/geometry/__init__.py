@@ -1,1 +1,1 @@
-"""Closed forms of single bounces on vertical and on sloped faces."""
+"""Closed forms of single reflections: images, reflection points, faces, and their errors."""

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from erm.common.constants import c
-from erm.geometry import vertical
+from erm.geometry import vertical, vertical_covariance
 from erm.geometry.sloped import sloped_covariance, sloped_face
 from erm.geometry.vertical import FloatArray
 from erm.mpcs import elevation
@@ -58,8 +58,12 @@ def with_faces(table: "xr.Dataset") -> "xr.Dataset":
                 np.column_stack([point, vertical.bounce_height(*path)]),
                 {"units": "m", "long_name": "reflection point if the path was reflected once"},
             ),
-            "point_covariance": (("mpc", "xyz", "xyz_2"), vertical.point_covariance(*path, *std), {"units": "m2"}),
-            "line_covariance": (("mpc", "parameter", "parameter_2"), vertical.line_covariance(*path, *std)),
+            "point_covariance": (
+                ("mpc", "xyz", "xyz_2"),
+                vertical_covariance.point_covariance(*path, *std),
+                {"units": "m2"},
+            ),
+            "line_covariance": (("mpc", "parameter", "parameter_2"), vertical_covariance.line_covariance(*path, *std)),
         }
     )
 

@@ -14,6 +14,7 @@ from erm.common.errors import OptionError
 from erm.geometry import vertical
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs import elevation, standard_errors
+from erm.mpcs.antenna_pairs import links
 from erm.mpcs.clusters import clusters
 from erm.mpcs.faces import elevation_excess, with_faces
 from erm.mpcs.options import Threshold
@@ -173,13 +174,6 @@ def select(
         )
         .assign_attrs(options)
     )
-
-
-def links(table: "xr.Dataset") -> npt.NDArray[np.int64]:
-    """Index (mpc,) of the TX-RX pair of each MPC, in the order of their first MPCs."""
-    ends = np.hstack([table["tx_position"].values, table["rx_position"].values])
-    first, place = vertical.distinct_rows(ends)
-    return np.argsort(np.argsort(first))[place]
 
 
 def reflection_loss(table: "xr.Dataset") -> FloatArray:

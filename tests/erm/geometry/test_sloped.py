@@ -8,7 +8,8 @@ import pytest
 from scipy.constants import c
 
 from erm.geometry.sloped import sloped_covariance, sloped_face
-from erm.geometry.vertical import angle_difference, azimuth_of, bounce_height, point_covariance, reflection_point
+from erm.geometry.vertical import angle_difference, azimuth_of, bounce_height, reflection_point
+from erm.geometry.vertical_covariance import point_covariance
 from erm.mpcs.selection import select
 from erm.mpcs.table import make_table
 
@@ -18,7 +19,7 @@ def elevation_of(vector):
 
 
 def mirror_scene(seed, n=300):
-    """Random antennas in front of random planes, and length and arrival of the bounce."""
+    """Random antennas in front of random planes, and length and arrival of the path."""
     rng = np.random.default_rng(seed)
     normal = rng.standard_normal((n, 3))
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -35,7 +36,7 @@ def mirror_scene(seed, n=300):
     return tx, rx, np.linalg.norm(seen, axis=-1), azimuth_of(seen), elevation_of(seen), normal, offset
 
 
-def test_the_plane_and_the_bounce_are_found():
+def test_the_plane_and_the_reflection_point_are_found():
     *path, normal, offset = mirror_scene(1)
     found = sloped_face(*path)
     np.testing.assert_allclose(found.offset, offset, atol=1e-9)
@@ -47,7 +48,7 @@ def test_the_plane_and_the_bounce_are_found():
     np.testing.assert_allclose(legs, length, rtol=1e-12)
 
 
-def test_of_a_vertical_face_both_forms_find_the_same():
+def test_both_forms_agree_on_a_vertical_face():
     rng = np.random.default_rng(2)
     tx, rx = np.array([3.0, -2.0, 28.4]), np.column_stack([rng.uniform(20, 80, (50, 2)), np.full(50, 1.4)])
     length = np.linalg.norm(tx - rx, axis=-1) + rng.uniform(5, 90, 50)
@@ -60,7 +61,7 @@ def test_of_a_vertical_face_both_forms_find_the_same():
     np.testing.assert_allclose(found.tilt, 0, atol=1e-9)
 
 
-def test_the_ground_faces_up_and_a_ceiling_down():
+def test_the_normal_of_the_ground_points_up_and_that_of_a_ceiling_down():
     tx, rx = np.array([0.0, 0.0, 4.0]), np.array([30.0, 10.0, 2.0])
     for plane, tilt in ((0.0, 90.0), (5.0, -90.0)):
         seen = np.array([0.0, 0.0, 2 * plane - 4.0]) - rx
@@ -97,8 +98,8 @@ def test_covariances_are_those_of_finite_differences():
         np.testing.assert_allclose(mine / scale, expected / scale, atol=1e-5)
 
 
-def test_an_elevation_that_is_known_exactly_leaves_the_errors_of_a_vertical_face_across_it():
-    tx, rx = np.array([0.0, 0.0, 10.0]), np.array([40.0, 5.0, 10.0])  # level: both forms are one
+def test_with_an_exact_elevation_the_errors_are_those_of_a_vertical_face():
+    tx, rx = np.array([0.0, 0.0, 10.0]), np.array([40.0, 5.0, 10.0])  # equal heights: both forms agree
     length, azimuth = 70.0, 120.0
     both = sloped_covariance(tx, rx, length, azimuth, 0.0, np.diag([0.1**2, 1.0**2, 0.0]))[0]
     np.testing.assert_allclose(both, point_covariance(tx, rx, length, azimuth, 0.1, 1.0), atol=1e-12)
@@ -114,7 +115,7 @@ def test_a_path_no_longer_than_the_direct_one_has_no_face(ratio):
         assert np.isnan(covariance).all()
 
 
-def test_components_say_which_way_their_faces_slope_and_which_graze():
+def test_selected_mpcs_have_the_tilt_of_their_faces_and_a_mark_of_grazing():
     tx, rx = np.array([0.0, 0.0, 20.0]), np.array([50.0, 0.0, 1.5])
     direct = np.linalg.norm(tx - rx)
     wall, ground = direct + 25.0, np.hypot(50.0, 21.5)
@@ -132,7 +133,7 @@ def test_components_say_which_way_their_faces_slope_and_which_graze():
 
 
 @pytest.mark.parametrize("scene", ["lroom", "canyon", "city"])
-def test_scattering_points_of_an_independent_ray_tracer_are_located(shared_data: Path, scene):
+def test_diffuse_reflections_of_an_independent_ray_tracer_are_located(shared_data: Path, scene):
     with h5py.File(shared_data / "raytraced" / f"{scene}_diffuse.h5") as file:
         path = file["path"]
         wanted = path["is_single_bounce"][:]
@@ -148,7 +149,7 @@ def test_scattering_points_of_an_independent_ray_tracer_are_located(shared_data:
 
 
 @pytest.mark.parametrize("scene", ["lroom", "canyon", "city"])
-def test_the_faces_of_an_independent_ray_tracer_slope_as_they_do(shared_data: Path, scene):
+def test_the_tilts_of_an_independent_ray_tracer_are_found(shared_data: Path, scene):
     with h5py.File(shared_data / "raytraced" / f"{scene}_specular.h5") as file:
         path = file["path"]
         wanted = path["order"][:] == 1

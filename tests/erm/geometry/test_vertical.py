@@ -11,20 +11,18 @@ from erm.geometry.vertical import (
     angle_difference,
     azimuth_of,
     bounce_height,
-    distinct_rows,
     face_line,
     horizontal_length,
-    line_covariance,
     mirrored,
-    point_covariance,
     reflection_point,
     unit,
     virtual_anchor,
 )
+from erm.geometry.vertical_covariance import line_covariance, point_covariance
 
 
 def mirror_scene(seed, n=400):
-    """Random antennas on the n-side of random walls, and the exact length and azimuth of the bounce."""
+    """Random antennas on the n-side of random walls, and the exact length and azimuth of the path."""
     rng = np.random.default_rng(seed)
     normal = rng.uniform(0, 360, n)
     offset = rng.uniform(-80, 80, n)
@@ -42,7 +40,7 @@ def mirror_scene(seed, n=400):
     return tx, rx, length, azimuth_of(seen), normal, offset, image
 
 
-def test_the_mirror_image_the_face_and_the_bounce_are_found():
+def test_the_mirror_image_the_face_and_the_reflection_point_are_found():
     tx, rx, length, azimuth, normal, offset, image = mirror_scene(1)
     point, found = reflection_point(tx, rx, length, azimuth)
     # lengths to 250 m: cancellation in L**2 - dz**2 leaves about 250 * 1e-16 * 1e3 m
@@ -67,12 +65,12 @@ def test_the_two_legs_add_up_and_obey_snells_law():
     np.testing.assert_allclose(slope_in, -slope_out, atol=1e-9)
 
 
-def test_planar_equations_agree_with_the_exact_ones_when_the_antennas_are_level():
+def test_planar_equations_agree_with_the_exact_ones_for_antennas_of_equal_height():
     tx, rx, length, azimuth, *_ = mirror_scene(3)
     exact = reflection_point(tx[:, :2], rx[:, :2], length, azimuth)
-    level = np.column_stack([tx[:, :2], rx[:, 2]])
-    np.testing.assert_array_equal(reflection_point(level, rx, length, azimuth, planar=True)[0], exact[0])
-    np.testing.assert_array_equal(reflection_point(level, rx, length, azimuth)[0], exact[0])
+    same_height = np.column_stack([tx[:, :2], rx[:, 2]])
+    np.testing.assert_array_equal(reflection_point(same_height, rx, length, azimuth, planar=True)[0], exact[0])
+    np.testing.assert_array_equal(reflection_point(same_height, rx, length, azimuth)[0], exact[0])
 
 
 @pytest.mark.parametrize("ratio", [1 + 1e-14, 1.0, 0.99, 0.0, -2.0, np.nan])
@@ -131,7 +129,7 @@ def test_covariances_are_those_of_random_draws():
     expected = point_covariance(tx, rx, length, azimuth, 0.01, 0.02)[:, :2, :2]
     for drawn, covariance in zip(point, expected, strict=True):
         whitened = np.linalg.solve(np.linalg.cholesky(covariance), (drawn - drawn.mean(axis=0)).T)
-        # a sample covariance of n draws strays by about sqrt(2/n) = 0.01; five of these
+        # a sample covariance of n draws deviates by about sqrt(2/n) = 0.01; five of these
         np.testing.assert_allclose(np.cov(whitened), np.eye(2), atol=0.05)
 
 
@@ -145,7 +143,7 @@ def test_an_azimuth_error_moves_the_point_along_the_face():
 
 @pytest.mark.parametrize("scene", ["lroom", "canyon", "city"])
 @pytest.mark.parametrize("kind", ["specular", "diffuse"])
-def test_bounces_of_an_independent_ray_tracer_are_located_within_a_millimetre(shared_data: Path, scene, kind):
+def test_reflections_of_an_independent_ray_tracer_are_located_within_a_millimetre(shared_data: Path, scene, kind):
     with h5py.File(shared_data / "raytraced" / f"{scene}_{kind}.h5") as file:
         path = file["path"]
         wanted = path["is_single_bounce_specular_wall"][:]
@@ -159,13 +157,3 @@ def test_bounces_of_an_independent_ray_tracer_are_located_within_a_millimetre(sh
     height = bounce_height(tx, rx, length, azimuth)
     assert np.linalg.norm(point - truth[:, :2], axis=-1).max() < 1e-3
     assert np.abs(height - truth[:, 2]).max() < 1e-3
-
-
-def test_places_are_told_apart_as_numpy_does():
-    rng = np.random.default_rng(5)
-    points = rng.integers(-2, 3, (300, 3)) * 0.1
-    first, place = distinct_rows(points)
-    _, index, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    np.testing.assert_array_equal(first, index)
-    np.testing.assert_array_equal(place, inverse.ravel())
-    assert [len(one) for one in distinct_rows(np.empty((0, 3)))] == [0, 0]

@@ -6,9 +6,10 @@ from scipy.constants import c
 
 from erm.common.errors import DataError
 from erm.geometry.vertical import azimuth_of
+from erm.mpcs.antenna_pairs import links
 from erm.mpcs.clusters import clusters
 from erm.mpcs.reasons import Reason
-from erm.mpcs.selection import links, reflection_loss, select
+from erm.mpcs.selection import reflection_loss, select
 from erm.mpcs.table import make_table
 
 TX, RX, FREQUENCY = np.array([0.0, 0.0, 28.4]), np.array([80.0, 10.0, 1.4]), 132e9

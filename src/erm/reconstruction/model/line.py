@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erm.geometry.vertical import FloatArray, face_line, line_covariance, mirrored, unit
+from erm.geometry.vertical import FloatArray, face_line, mirrored, unit
+from erm.geometry.vertical_covariance import line_covariance
 from erm.reconstruction.model.paths import BoolArray, IntArray, PathColumns, Paths
 
 

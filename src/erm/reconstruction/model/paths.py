@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from erm.common.constants import c
-from erm.geometry.vertical import FloatArray, distinct_rows, virtual_anchor
+from erm.geometry.vertical import FloatArray, virtual_anchor
+from erm.mpcs.antenna_pairs import distinct_rows
 from erm.mpcs.faces import elevation_excess
 from erm.mpcs.table import path_length
 

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import betaln, gammainc
 
-from erm.geometry.vertical import FloatArray, point_covariance
+from erm.geometry.vertical import FloatArray
+from erm.geometry.vertical_covariance import point_covariance
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE, EXACT_LINE, chi_squared, residuals
 from erm.reconstruction.model.paths import IntArray, Paths
 from erm.reconstruction.poles.cylinder import ROUNDNESS, Cylinder

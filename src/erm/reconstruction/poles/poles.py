@@ -11,7 +11,8 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from erm.geometry.vertical import FloatArray, point_covariance, reflection_point
+from erm.geometry.vertical import FloatArray, reflection_point
+from erm.geometry.vertical_covariance import point_covariance
 from erm.reconstruction.decision.conflicts import MAX_EXTENSION
 from erm.reconstruction.decision.pieces import hidden_legs, span
 from erm.reconstruction.model.extent import Legs, solid_footprint
