@@ -25,7 +25,7 @@ def main() -> None:
         spent = time.perf_counter() - start
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
         size = path.stat().st_size / 2**30
-    print(f"{size:.1f} GiB, a hole but for one capture a direction: {spent:.1f} s, {peak:.2f} GiB resident at most")
+    print(f"{size:.1f} GiB, a hole but for one capture per direction: {spent:.1f} s, {peak:.2f} GiB resident at most")
     conclude("20 GiB recording under 1 GiB resident (ratio: 1 GiB over the peak)", 1 / peak, None)
 
 

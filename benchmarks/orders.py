@@ -36,7 +36,7 @@ def main() -> None:
         ratios.append(best / times[OURS].processor)
         floors.append(times[OURS].processor / times[READ].processor)
     print("\nbest FFT route over ours, orders 9 to 15: " + ", ".join(f"{ratio:.1f}" for ratio in ratios))
-    conclude("orders 9 to 15, 2 samples a chip: each at least 4 times the best FFT route", min(ratios), max(floors))
+    conclude("orders 9 to 15, 2 samples per chip: each at least 4 times the best FFT route", min(ratios), max(floors))
 
 
 if __name__ == "__main__":

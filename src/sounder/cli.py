@@ -23,7 +23,9 @@ console.add_version(app)
 Layout = Annotated[Path | None, typer.Option(help="Layout (TOML) of a foreign HDF5 or MATLAB file.")]
 Description = Annotated[
     Path | None,
-    typer.Option("--sounder", help="Sounder description (TOML); default: that in the recording, or the shipped one."),
+    typer.Option(
+        "--sounder", help="Sounder description (TOML). Default: the one in the recording, or the shipped one."
+    ),
 ]
 
 
@@ -31,9 +33,9 @@ Description = Annotated[
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for all files of the demo.")] = Path("demo-output"),
 ) -> None:
-    """Run the whole chain on the campaign of the letter.
+    """Run all steps on a simulated example campaign.
 
-    The campaign is simulated, processed from its raw captures, reconstructed and scored.
+    The raw captures are simulated and processed to MPCs. The map is made from the MPCs and compared with the truth.
     """
     require_folder(out)
     from sounder.campaign.demo import run_demo
@@ -44,11 +46,11 @@ def demo(
 @app.command()
 def simulate(
     scene: Annotated[Path, typer.Argument(help="Scene (TOML): environment, positions, sounder.")],
-    out: Annotated[Path, typer.Option(help="Folder for raw recordings, back-to-back and truth.")],
+    out: Annotated[Path, typer.Option(help="Folder for raw recordings, back-to-back recording and truth.")],
 ) -> None:
     """Simulate the raw recordings of a scene.
 
-    The truth, that is the environment and the paths, is written too.
+    The true environment and the true paths are also written.
     """
     require_folder(out)
     from sounder.twin.scene import load_scene
@@ -65,9 +67,9 @@ def info(
     file: Annotated[Path, typer.Argument(help="Raw recording, back-to-back recording or product.")],
     layout: Layout = None,
     sounder: Description = None,
-    each: Annotated[bool, typer.Option("--each", help="Describe each position in full.")] = False,
+    each: Annotated[bool, typer.Option("--each", help="Show all details of each position.")] = False,
 ) -> None:
-    """Describe what a file holds and whether it is healthy."""
+    """Show the content of a file and the problems in its data."""
     from sounder.processing.summary import HEADER, Table, describe_file, describe_foreign_file
 
     tables: list[Table] = []
@@ -107,7 +109,7 @@ def process(
     ],
     out: Annotated[Path, typer.Option(help="Folder for the products, one file for each position.")],
     calibration: Annotated[
-        Path | None, typer.Option(help="Back-to-back recording (.h5). A foreign file may hold its own.")
+        Path | None, typer.Option(help="Back-to-back recording (.h5). Not needed if a foreign file holds one.")
     ] = None,
     layout: Layout = None,
     sounder: Description = None,
@@ -118,7 +120,7 @@ def process(
         Threshold, typer.Option(help="Least power of an MPC: noise + 12 dB (usc), or max(peak - 25, noise + 5) (nyu).")
     ] = Options.threshold,
     method: Annotated[
-        Method, typer.Option(help="MPCs are fitted jointly (sage), one by one (clean), or are single peaks (peaks).")
+        Method, typer.Option(help="Fit of MPCs: jointly (sage), one after another (clean), or each peak alone (peaks).")
     ] = Options.method,
     omnidirectional: Annotated[
         Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of all beams, or strongest beam.")
@@ -127,7 +129,7 @@ def process(
     threads: Annotated[
         int | None, typer.Option(min=1, help="Threads in each process; default: one for each processor.")
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine, each with a position.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine. Each processes one position.")] = 1,
     scheduler: Annotated[
         str | None, typer.Option(help="Running dask scheduler (tcp://host:port), used in place of --workers.")
     ] = None,
@@ -151,12 +153,12 @@ def process(
 def run(
     campaign: Annotated[Path, typer.Argument(help="Campaign (TOML): recordings and options.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for all outputs; default: beside the campaign file, named after it.")
+        Path | None, typer.Option(help="Folder for all outputs. Default: the campaign file without its suffix.")
     ] = None,
 ) -> None:
     """Make products, MPC table, map, figures and report of a campaign.
 
-    Products that exist already are kept if their files and options are the same.
+    Existing products are kept if their input files and options are the same.
     """
     from sounder.campaign.run import run_campaign
 
@@ -175,12 +177,12 @@ def figures(
 ) -> None:
     """Draw DAPS, MPCs and PDP of products.
 
-    The DAPS is drawn as a polar diagram, and over delay and azimuth together with the MPCs.
+    The DAPS is drawn twice: as a polar diagram, and over delay and azimuth with the MPCs.
     """
     from sounder.figures.files import draw_products
 
     if overlay and len(products) != 2:
-        raise typer.BadParameter(f"--overlay takes two products, got {len(products)}")
+        raise typer.BadParameter(f"--overlay needs two products, got {len(products)}")
     require_folder(out)
     with console.progress("drawing", len(products)) as advance:
         written, failures = draw_products(products, out, suffix=file_format, overlay=overlay, progress=advance)
@@ -194,23 +196,25 @@ def score(
         list[Path], typer.Argument(readable=False, help="Products of `sounder process`, or MPC tables (.csv).")
     ],
     truth: Annotated[Path, typer.Option(help="truth/paths.h5 of `sounder simulate`, an MPC table or a product.")],
-    delay_gate: Annotated[float, typer.Option(help="Largest difference of an MPC from its path: delay [s].")] = 1e-9,
+    delay_gate: Annotated[
+        float, typer.Option(help="Largest difference between an MPC and its path: delay [s].")
+    ] = 1e-9,
     azimuth_gate: Annotated[float, typer.Option(help="The same: azimuth [degree].")] = 5.0,
     elevation_gate: Annotated[float, typer.Option(help="The same: elevation [degree].")] = math.inf,
     gain_gate: Annotated[float, typer.Option(help="The same: path gain [dB].")] = 10.0,
     dynamic_range: Annotated[
-        float, typer.Option(help="Required paths: at most so far below the strongest [dB].")
+        float, typer.Option(help="A path is required if it is at most this far below the strongest path [dB].")
     ] = 25.0,
     least_snr: Annotated[
-        float, typer.Option(help="Required paths: at least so far above the noise, if it is known [dB].")
+        float, typer.Option(help="A path is required if its SNR is at least this, where the noise is known [dB].")
     ] = 10.0,
-    out: Annotated[Path | None, typer.Option(help="Folder for a table of all paths, and figures.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for a table of all paths and for figures.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Compare MPCs with true paths.
 
-    The score counts found paths and false MPCs, and gives the errors. If the stated standard deviations are right, 68 %
-    of the errors are within one standard deviation and 95 % within two.
+    The score gives the numbers of found paths and false MPCs, and the errors. If the stated standard deviations are
+    right, 68 % of the errors are within one standard deviation and 95 % within two.
     """
     from sounder.figures.files import write_score
     from sounder.mpc.score import Gates

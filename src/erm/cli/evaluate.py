@@ -30,7 +30,7 @@ def evaluate(
     environment: MapFile,
     mpcs: Annotated[
         list[Path] | None,
-        typer.Argument(readable=False, help="MPCs whose reflection points are evaluated too.", show_default=False),
+        typer.Argument(readable=False, help="MPCs. Their reflection points are also evaluated.", show_default=False),
     ] = None,
     outline: Annotated[
         Path | None, typer.Option(help="Known outline (.geojson) or true map.", show_default=False)
@@ -39,7 +39,7 @@ def evaluate(
         bool,
         typer.Option(
             "--leave-one-out",
-            help="Predict each position from a map of all other positions, made with default options.",
+            help="Predict each position from a map of all other positions. The maps use default options.",
         ),
     ] = False,
     z_slice: Annotated[
@@ -47,16 +47,16 @@ def evaluate(
     ] = None,
     min_visible: Annotated[
         float,
-        typer.Option(min=0.0, max=1.0, help="Use outline features of which receivers see more than this share."),
+        typer.Option(min=0.0, max=1.0, help="Use an outline feature only if receivers see more than this share of it."),
     ] = 0.0,
     figure: Annotated[
         Path | None, typer.Option(help="Also draw the map over the outline (.png, .pdf, .svg).", show_default=False)
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Evaluate a map with a known outline, or by what it predicts."""
+    """Compare a map with a known outline, or its predictions with measurements."""
     if leave_one_out == (outline is not None):
-        raise typer.BadParameter("give one of --outline FILE and --leave-one-out")
+        raise typer.BadParameter("give either --outline FILE or --leave-one-out")
     if leave_one_out and not mpcs:
         raise typer.BadParameter("--leave-one-out needs the MPCs that the map was made from")
     if leave_one_out and figure:

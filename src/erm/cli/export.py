@@ -27,17 +27,22 @@ def export(
         float, typer.Option(help="Bearing of the local north, clockwise from true north [degree].")
     ] = 0.0,
     height: Annotated[
-        float, typer.Option(min=0.0, help="Drawings: height above the ground of walls without upper edge [m].")
+        float,
+        typer.Option(min=0.0, help="Drawings: height above the ground of walls that have no known upper edge [m]."),
     ] = DRAWING_HEIGHT,
     margin: Annotated[
         float, typer.Option(min=0.0, help="Drawings: how far ground and ceiling extend beyond the walls [m].")
     ] = DRAWING_MARGIN,
     frequency: Annotated[
         float,
-        typer.Option(min=1e6, max=1e13, help=".xml: frequency for materials that the ray tracer does not know [Hz]."),
+        typer.Option(
+            min=1e6,
+            max=1e13,
+            help=".xml only: frequency at which unknown materials of the ray tracer are computed [Hz].",
+        ),
     ] = DRAWING_FREQUENCY,
 ) -> None:
-    """Write a map in another format, or give it a place on earth.
+    """Write a map in another format, or set its place on earth.
 
     A map with an origin is written as GeoJSON in WGS 84. All map formats keep the origin. The .xml is a scene for
     Sionna RT (Mitsuba 3).

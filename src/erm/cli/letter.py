@@ -9,9 +9,10 @@ from erm.common.outputs import require_folder
 
 
 def letter(out: Annotated[Path, typer.Option(help="Folder for the page, its tables and figures.")]) -> None:
-    """Redo the studies of the letter, with its method and this one.
+    """Repeat the studies of the published letter (Chang et al.).
 
-    Captures are simulated, which takes minutes. The result is one page, letter.md, with figures as PDF and PNG.
+    The page compares the numbers of the letter with those of its method and of this software. Captures are simulated,
+    which takes minutes. The result is one page, letter.md, with figures as PDF and PNG.
     """
     require_folder(out)
     from erm.letter.captures import installed

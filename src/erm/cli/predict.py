@@ -26,14 +26,14 @@ def predict(
     max_order: Annotated[int, typer.Option(min=0, max=3, help="Largest number of reflections of a path.")] = 2,
     out: Annotated[Path | None, typer.Option(help="Also write the MPCs as a table (.csv).")] = None,
 ) -> None:
-    """Predict the MPCs between two places where nobody measured."""
+    """Predict the MPCs between two positions that were not measured."""
     protect_inputs((out,), (environment,))
     require_suffix(out, ".csv")
     for option, place in (("--tx", tx), ("--rx", rx)):
         if not all(map(math.isfinite, place)):
             raise OptionError(f"{option} is {place}; expected three finite numbers, east north up [m]")
     if tx == rx:
-        raise OptionError(f"--tx and --rx are both {tx}; expected two places")
+        raise OptionError(f"--tx and --rx are both {tx}; expected two different positions")
     import erm
 
     mpcs = erm.predict(erm.read_map(environment), tx, rx, frequency, max_order=max_order)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def reconstruct(
     mpcs: Annotated[
         list[Path],
-        typer.Argument(readable=False, help="MPC tables (.csv) and products of `sounder process`, in any mixture."),
+        typer.Argument(readable=False, help="MPC tables (.csv), products of `sounder process`, or both."),
     ],
     out: Annotated[Path, typer.Option(help="Map to write: .h5, .geojson, .gpkg, .csv; or a format of `erm export`.")],
     rps: Annotated[Path | None, typer.Option(help="Also write the accepted reflection points (.csv).")] = None,
@@ -37,7 +37,9 @@ def reconstruct(
             min=0.0, help="Largest reflection loss [dB]. Default: 20 for consistency, 12 for fixed.", show_default=False
         ),
     ] = None,
-    min_support: Annotated[int, typer.Option(min=1, help="Fewest antenna pairs that must share a wall.")] = 3,
+    min_support: Annotated[
+        int, typer.Option(min=1, help="A wall needs MPCs from at least this number of antenna pairs.")
+    ] = 3,
     add_to: Annotated[
         Path | None,
         typer.Option(help="Map (.h5) to which these MPCs are added. Its MPCs are not searched again."),

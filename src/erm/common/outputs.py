@@ -57,5 +57,5 @@ def protect_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> No
         if output.resolve() in read:
             raise OptionError(f"{output}: is an input, which would be replaced; choose another output")
         if output.resolve() in written:
-            raise OptionError(f"{output}: is asked for twice; choose a file for each output")
+            raise OptionError(f"{output}: is given for two outputs; choose a different file for each")
         written.add(output.resolve())

@@ -31,7 +31,7 @@ class Knob:
     ----------
     name, unit : str
     values : tuple of float
-        In order of growing effort.
+        In order of increasing effort.
     usual : float
         The letter's value.
     change : callable

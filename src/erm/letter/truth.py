@@ -20,7 +20,7 @@ IntArray = npt.NDArray[np.int64]
 
 
 class Rays(NamedTuple):
-    """Traced paths of all links of a campaign, one a row."""
+    """Traced paths of all links of a campaign, one per row."""
 
     link: IntArray  # index into the campaign's links
     delay: FloatArray  # s

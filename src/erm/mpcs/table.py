@@ -1,4 +1,4 @@
-"""The table of multipath components (MPCs): one `xarray.Dataset` along ``mpc``, one row a component.
+"""The table of multipath components (MPCs): one `xarray.Dataset` along ``mpc``, one row per component.
 
 One table holds any number of positions and transmitters; `erm.mpcs.files` reads and writes it.
 """

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def predict(
     environment: Environment, tx: ArrayLike, rx: ArrayLike, frequency: float, *, max_order: int = 2
 ) -> "xr.Dataset":
-    """Predict the MPCs between two places where nobody measured.
+    """Predict the MPCs between two positions that were not measured.
 
     Parameters
     ----------

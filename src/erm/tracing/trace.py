@@ -75,7 +75,7 @@ def trace(
     """
     here, there = _position("tx", tx), _position("rx", rx)
     if np.array_equal(here, there):
-        raise DataError(f"tx and rx are both at {here.tolist()} m; a path needs two places")
+        raise DataError(f"tx and rx are both at {here.tolist()} m; expected two different positions")
     if not (np.isfinite(frequency) and frequency > 0):
         raise DataError(f"frequency {frequency} Hz; expected a positive number")
     if polarization not in get_args(Polarization):

@@ -163,7 +163,7 @@ def _attenuator(b2b: BackToBack, frequency: Real, inside: NDArray[np.bool_]) -> 
 
 def _require_same_sounder(b2b: BackToBack, sounder: Sounder) -> None:
     pairs = {
-        "samples a capture": (b2b.captures.shape[1], sounder.waveform.samples),
+        "samples per capture": (b2b.captures.shape[1], sounder.waveform.samples),
         "sample rate [Hz]": (b2b.sounder.waveform.sample_rate, sounder.waveform.sample_rate),
         "carrier [Hz]": (b2b.sounder.carrier.frequency, sounder.carrier.frequency),
     }

@@ -111,7 +111,7 @@ def impulse_responses(
         common phase of each snapshot is removed, for an oscillator that drifts. ``power``: the root of the mean power,
         with the phase of the complex mean, for a channel that changes between snapshots.
     threads : int, optional
-        Number of directions processed at a time; default one a processor.
+        Number of directions processed at a time; default one per processor.
 
     Returns
     -------

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 OVERSAMPLING = 64
-"""Table points a sample. Linear interpolation between them errs by less than -80 dB of the pulse's peak."""
+"""Table points per sample. Linear interpolation between them errs by less than -80 dB of the pulse's peak."""
 PULSE_REACH = 16
 """Length of the pulse table to each side of the peak [resolution cells]; beyond, the pulse is below -90 dB."""
 FILTER_REACH = 5
@@ -33,7 +33,7 @@ class MatchedFilter:
     Attributes
     ----------
     pulse : array complex (point,)
-        Pulse of amplitude 1 at `OVERSAMPLING` points a sample, from minus to plus its reach and one sample more.
+        Pulse of amplitude 1 at `OVERSAMPLING` points per sample, from minus to plus its reach and one sample more.
     taps : array complex (point,)
         Matched filter on the same grid, conjugated and not scaled.
     amplitude_variance : float
@@ -115,7 +115,7 @@ def _taper(lag: NDArray[np.number], reach: int) -> Real:
 
 
 def _table(spectrum: Complex | Real, reach: int) -> Complex:
-    """Transform at `OVERSAMPLING` points a sample, ``reach + 1`` samples to each side, by zero-padding the spectrum."""
+    """Transform with `OVERSAMPLING` points per sample and ``reach + 1`` samples per side; zero-pads the spectrum."""
     half = spectrum.size // 2  # the spectrum is zero beyond the band on either side
     padded = np.concatenate([spectrum[:half], np.zeros(spectrum.size * (OVERSAMPLING - 1)), spectrum[half:]])
     points = np.fft.ifft(padded) * OVERSAMPLING

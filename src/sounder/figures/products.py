@@ -172,7 +172,7 @@ def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
 def _figure(ax: Axes) -> Figure:
     figure = ax.get_figure(root=True)
     if figure is None:
-        raise ValueError("the axes belong to no figure")
+        raise ValueError("the axes are not part of a figure")
     return figure
 
 

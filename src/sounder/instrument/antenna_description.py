@@ -15,7 +15,7 @@ class Cut(Table):
     Attributes
     ----------
     angle : tuple of float
-        Angles off boresight, rising, on both sides of 0 [degree].
+        Angles off boresight, ascending, on both sides of 0 [degree].
     azimuth, elevation : tuple of float
         Gain at these angles in the horizontal and in the vertical cut [dB]; the level at 0 is the reference.
     """
@@ -29,7 +29,7 @@ class Cut(Table):
         if not len(self.angle) == len(self.azimuth) == len(self.elevation) >= 3:
             raise ValueError("angle, azimuth and elevation must have one length, at least 3")
         if any(b <= a for a, b in pairwise(self.angle)):
-            raise ValueError("angle must rise")
+            raise ValueError("angle must be in ascending order")
         if not self.angle[0] < 0 < self.angle[-1]:
             raise ValueError("angle must reach to both sides of boresight (0)")
         return self

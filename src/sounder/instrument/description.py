@@ -67,7 +67,7 @@ class Waveform(Table):
         exponents = sorted(set(self.polynomial), reverse=True)
         if list(self.polynomial) != exponents or exponents[:1] != [self.order] or exponents[-1] != 0:
             raise ValueError(
-                f"polynomial is {list(self.polynomial)}; expected falling exponents from {self.order} (the order) to 0"
+                f"polynomial is {list(self.polynomial)}; expected exponents in descending order from {self.order} (the order) to 0"
             )
         if (period := _register_period(self.order, self.polynomial)) != self.chips:
             raise ValueError(
@@ -124,9 +124,9 @@ class Scan(Table):
     Attributes
     ----------
     azimuth : tuple of float
-        Rising, within one turn [degree, counter-clockwise from east].
+        Ascending, within one turn [degree, counter-clockwise from east].
     elevation : tuple of float
-        Rising [degree above the horizon].
+        Ascending [degree above the horizon].
     """
 
     azimuth: tuple[float, ...]
@@ -136,7 +136,7 @@ class Scan(Table):
     def _consistent(self) -> Self:
         for name, values in (("azimuth", self.azimuth), ("elevation", self.elevation)):
             if not values or any(b <= a for a, b in pairwise(values)):
-                raise ValueError(f"{name} must hold rising values, at least one")
+                raise ValueError(f"{name} must have one or more values in ascending order")
         if self.azimuth[-1] - self.azimuth[0] >= 360:
             raise ValueError("azimuth spans 360 degree or more; list each direction once")
         if min(self.elevation) < -90 or max(self.elevation) > 90:

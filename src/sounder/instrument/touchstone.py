@@ -54,7 +54,7 @@ def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tu
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DataError(f"{path}: not readable as touchstone ({reason}); expected a two-port .s2p file") from None
     if frequency.size < 2 or not np.isfinite(s21).all() or not np.all(np.diff(frequency) > 0) or not s21.all():
-        raise DataError(f"{path}: expected two or more rising frequencies, with finite S21 other than 0")
+        raise DataError(f"{path}: expected two or more frequencies in ascending order, with finite S21 other than 0")
     if band and not (frequency[0] <= band[0] and frequency[-1] >= band[1]):
         raise DataError(
             f"{path}: covers {frequency[0] / 1e9:.3f} to {frequency[-1] / 1e9:.3f} GHz; expected at least "
@@ -72,7 +72,7 @@ def transmission(frequency: Real, s21: Complex, wanted: Real) -> Complex:
     Parameters
     ----------
     frequency, s21 : array (frequency,)
-        [Hz] rising, and complex.
+        [Hz] in ascending order, and complex.
     wanted : array (...)
         [Hz]
 

@@ -152,7 +152,7 @@ def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) ->
     Raises
     ------
     DataError
-        No m-sequence of order 7-15 at 1-4 samples a chip has this length, or no sequence stands out.
+        No m-sequence of order 7-15 at 1-4 samples per chip has this length, or no sequence stands out.
 
     References
     ----------
@@ -177,7 +177,7 @@ def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) ->
     ]
     if not candidates:
         raise DataError(
-            f"{capture.size} samples a capture; expected the period of an m-sequence of order 7-15 at 1-4 samples "
+            f"{capture.size} samples per capture; expected the period of an m-sequence of order 7-15 at 1-4 samples "
             "a chip"
         )
     order, per_chip = candidates[0]

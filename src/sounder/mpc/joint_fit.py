@@ -139,7 +139,7 @@ def _normal_equations(
 
 
 def _as_real(values: Complex) -> Real:
-    """Complex (row, beam, combination) as twice as many real numbers a row."""
+    """Complex (row, beam, combination) as twice as many real numbers per row."""
     flat = values.reshape(len(values), -1)
     return np.concatenate([flat.real, flat.imag], axis=1)
 

@@ -60,8 +60,8 @@ class CentredPulse:
     whitener : array complex (combination, sample)
         To unit noise in each combination, for noise of power 1 a sample. Only combinations that see such pulses.
     pulse, slope : array complex (point, combination)
-        Whitened pulses of amplitude 1, `OVERSAMPLING` points a sample from ``-MAX_OFFSET`` to ``MAX_OFFSET``, and their
-        derivatives by delay [1/sample].
+        Whitened pulses of amplitude 1, `OVERSAMPLING` points per sample from ``-MAX_OFFSET`` to ``MAX_OFFSET``, and
+        their derivatives by delay [1/sample].
     """
 
     whitener: Complex
@@ -98,7 +98,7 @@ class WindowPulse:
     whitener : array complex (combination, sample)
         To unit noise in each combination, for noise of power 1 a sample.
     pulse, slope : array complex (point, combination)
-        Whitened pulses of amplitude 1, ``OVERSAMPLING / POINT_STRIDE`` points a sample from the window's first sample
+        Whitened pulses of amplitude 1, ``OVERSAMPLING / POINT_STRIDE`` points per sample from the window's first sample
         on, and their derivatives by delay [1/sample].
     """
 

@@ -36,7 +36,7 @@ def describe_recording(recording: Recording) -> Lines:
         ("line of sight", line_of_sight(recording.los)),
         *describe_sounder(recording.sounder),
         ("directions", f"{recording.azimuth.size} azimuths x {recording.elevation.size} elevations"),
-        ("snapshots", f"{recording.snapshots} a direction"),
+        ("snapshots", f"{recording.snapshots} per direction"),
         ("TX position", metres(recording.tx_position)),
         ("RX position", metres(recording.rx_position)),
         (
@@ -74,12 +74,12 @@ def describe_back_to_back(b2b: BackToBack) -> Lines:
         found = identify(mean.astype(complex))
         sequence = (
             f"order {found.order}, polynomial {list(found.polynomial)} {found.direction}, {found.polarity}, "
-            f"{found.samples_per_chip} samples a chip; {found.margin:.1f} dB over the next"
+            f"{found.samples_per_chip} samples per chip; {found.margin:.1f} dB above the next best"
         )
         described = b2b.sounder.waveform
         expected = f"order {described.order}, polynomial {list(described.polynomial)} {described.direction}"
         same = is_same_sequence(found, described)
-        sequence += f"; {'the same as the described' if same else 'not the described'} {expected}"
+        sequence += f"; {'agrees with the description:' if same else 'differs from the description:'} {expected}"
     except DataError as error:
         sequence = str(error)
     measured = "measured S21" if b2b.s21 is not None else "nominal"

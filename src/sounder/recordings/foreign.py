@@ -226,7 +226,7 @@ def _require_lengths(
         wanted = f"{directions[0]} x {directions[1]}"
         raise DataError(f"{path}: {shape['direction']} directions, but the grid has {wanted} values; {order}")
     if shape["sample"] != samples and samples in shape.values():
-        raise DataError(f"{path}: {shape['sample']} samples a capture, but the sequence has {samples}; {order}")
+        raise DataError(f"{path}: {shape['sample']} samples per capture, but the sequence has {samples}; {order}")
 
 
 def _name(layout: Layout, path: Path, position: int) -> str:

@@ -173,8 +173,8 @@ def check(recording: Recording, samples: int) -> None:
     waveform = recording.sounder.waveform
     if samples != waveform.samples:
         raise DataError(
-            f"{recording.source}: {samples} samples a capture, but {recording.sounder.name} describes "
-            f"{waveform.samples} (order {waveform.order}, {waveform.samples_per_chip} samples a chip); "
+            f"{recording.source}: {samples} samples per capture, but {recording.sounder.name} describes "
+            f"{waveform.samples} (order {waveform.order}, {waveform.samples_per_chip} samples per chip); "
             "pass its description with --sounder or export the recording again"
         )
     if recording.snapshots < 1:
@@ -183,4 +183,6 @@ def check(recording: Recording, samples: int) -> None:
         if not np.isfinite(position).all():
             raise DataError(f"{who}: {label} is {position.tolist()}; expected three finite numbers [m]")
     if np.allclose(recording.tx_position, recording.rx_position):
-        raise DataError(f"{who}: tx_position equals rx_position {recording.rx_position.tolist()}; expected two places")
+        raise DataError(
+            f"{who}: tx_position equals rx_position {recording.rx_position.tolist()}; expected two different positions"
+        )

@@ -209,7 +209,7 @@ class Scene(Table):
     def _consistent(self) -> Self:
         names = [receiver.name for receiver in self.receivers]
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"receivers: {twice[0]} is there twice; expected a different name for each position")
+            raise ValueError(f"receivers: {twice[0]} appears twice; expected a different name for each position")
         for receiver in self.receivers:
             if receiver.tx not in self.transmitters:
                 known = ", ".join(self.transmitters)

@@ -98,7 +98,7 @@ def _require_line_of_sight(scene: Scene, receiver: Receiver, paths: xr.Dataset) 
         states = {True: "in line of sight", False: "not in line of sight"}
         raise DataError(
             f"{scene.name}: {receiver.name} is {states[los]} of {receiver.tx} in this environment, but los says "
-            f"{states[receiver.los]}; move it, change the walls, or leave out los"
+            f"{states[receiver.los]}; move the receiver, change the walls, or remove los"
         )
 
 
@@ -146,7 +146,7 @@ def simulate(scene: Scene | Path | str, out: Path | str, *, progress: Callable[[
 
     Examples
     --------
-    One position of the shipped room, with one capture a direction:
+    One position of the shipped room, with one capture per direction:
 
     >>> import sounder, tempfile
     >>> from sounder import shipped

@@ -27,7 +27,7 @@ def test_an_input_is_never_replaced(tmp_path: Path, mpcs: Path, capsys):
         assert capsys.readouterr().err == f"{path}: is an input, which would be replaced; choose another output\n"
     both = tmp_path / "both.csv"
     assert run("reconstruct", mpcs, "--out", both, "--rps", tmp_path / "." / "both.csv") == 2
-    assert "both.csv: is asked for twice; choose a file for each output" in capsys.readouterr().err
+    assert "both.csv: is given for two outputs; choose a different file for each" in capsys.readouterr().err
     assert not both.exists()
     assert (mpcs.read_bytes(), out.read_bytes()) == before
     assert run("predict", out, *ends, "--out", tmp_path / "paths.geojson") == 2
@@ -52,7 +52,7 @@ def test_a_suffix_that_is_not_known_is_told_before_anything_is_written(tmp_path:
         (["reconstruct", "{mpcs}", "--out", "{map}", "--max-loss", "-3"], "-3"),
         (["reconstruct", "{mpcs}", "--out", "{map}", "--ground", "nan"], "nan"),
         (["reconstruct", "{mpcs}", "--out", "{map}", "--rx-std", "nan"], "nan"),
-        (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 3], "expected two places"),
+        (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 3], "expected two different positions"),
         (["predict", "{map}", "--tx", 1, 2, "nan", "--rx", 1, 2, 3], "nan"),
         (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 4, "--frequency", "inf"], "inf"),
         (["predict", "{map}", "--tx", 1, 2, 3, "--rx", 1, 2, 4, "--frequency", "132"], "132"),

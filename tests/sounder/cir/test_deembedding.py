@@ -203,7 +203,7 @@ def test_another_sounders_back_to_back_is_refused(description, back_to_back_make
         make_deembedding(replace(good, sounder=elsewhere), correlated(good), ours, 1.0)
     longer = description(waveform={"order": 10, "polynomial": (10, 3, 0)})
     captures = np.zeros((1, longer.waveform.samples), np.complex64)
-    with pytest.raises(DataError, match="samples a capture 2046, the recording has 1022"):
+    with pytest.raises(DataError, match="samples per capture 2046, the recording has 1022"):
         make_deembedding(replace(good, captures=captures, sounder=longer), correlated(good), ours, 1.0)
 
 

@@ -228,7 +228,7 @@ def test_back_to_back_calibrates_its_own_captures_to_one(small_bench, small, bac
 def test_back_to_back_of_another_length_is_refused(small, back_to_back_maker, small_bench):
     recording = recording_of(small, as_int16(sent(small_bench))[None, None, None])
     b2b = back_to_back_maker(small, np.ones(2046))
-    with pytest.raises(DataError, match="samples a capture 2046, the recording has 1022"):
+    with pytest.raises(DataError, match="samples per capture 2046, the recording has 1022"):
         calibrate(b2b, recording)
     silent = back_to_back_maker(small, np.zeros(1022), captures=np.zeros((4, 1022, 2), np.int16))
     with pytest.raises(DataError, match="all back-to-back samples are zero"):

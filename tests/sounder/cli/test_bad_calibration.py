@@ -15,7 +15,7 @@ from .commands import SCENE, SOUNDER, names, run
     [
         (("polynomial = [7, 1, 0]", "polynomial = [7, 3, 0]"), "does not stand out in it"),
         (("frequency = 132e9\nlo_frequency = 21e9", "frequency = 138e9\nlo_frequency = 22e9"), "carrier [Hz]"),
-        (("order = 7\npolynomial = [7, 1, 0]", "order = 8\npolynomial = [8, 4, 3, 2, 0]"), "samples a capture"),
+        (("order = 7\npolynomial = [7, 1, 0]", "order = 8\npolynomial = [8, 4, 3, 2, 0]"), "samples per capture"),
     ],
 )
 def test_the_back_to_back_of_another_sounder_is_refused(copied, campaign, replaced, expected, capsys):

@@ -34,10 +34,10 @@ def spoil(path: Path, what: str) -> None:
     [
         (
             "samples",
-            "200 samples a capture, but small sounder describes 254 (order 7, 2 samples a chip); pass",
+            "200 samples per capture, but small sounder describes 254 (order 7, 2 samples per chip); pass",
         ),
         ("nan", "RX1: rx_position is [12.0, nan, 1.5]; expected three finite numbers [m]"),
-        ("same", "RX1: tx_position equals rx_position [4.0, 5.0, 3.0]; expected two places"),
+        ("same", "RX1: tx_position equals rx_position [4.0, 5.0, 3.0]; expected two different positions"),
         ("zero", "RX1: all samples are zero, in all directions; record the position again"),
         ("damaged", "the file has no iq"),
     ],

@@ -100,7 +100,7 @@ def test_the_shipped_sounder_does_not_give_its_name_to_another(joined, capsys):
     ):
         assert run(*command, *layout) == 1
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith(f"{joined}: 254 samples a capture, but sounder of layout.toml describes 1022 ")
+        assert line.startswith(f"{joined}: 254 samples per capture, but sounder of layout.toml describes 1022 ")
         assert line.endswith(" (all 2 positions of foreign.h5)")
 
 

@@ -47,7 +47,7 @@ def test_a_description_survives_its_own_text():
 
 
 def test_another_sounder_is_another_file_and_no_code(edited):
-    # order 11, 1 GHz chips at 3 samples a chip, 300 GHz, a horn by its beamwidths, a coarse half-circle
+    # order 11, 1 GHz chips at 3 samples per chip, 300 GHz, a horn by its beamwidths, a coarse half-circle
     path = edited(
         waveform__order="order = 11",
         waveform__polynomial="polynomial = [11, 2, 0]",
@@ -86,7 +86,10 @@ def test_another_sounder_is_another_file_and_no_code(edited):
         ({"waveform__order": "order = 10"}, "waveform: polynomial is [9, 4, 0]"),
         ({"waveform__polynomial": "polynomial = []"}, "waveform: polynomial is []"),
         ({"waveform__polynomial": "polynomial = [4, 9, 0]"}, "waveform: polynomial is [4, 9, 0]"),
-        ({"waveform__polynomial": "polynomial = [9, 4, 1]"}, "expected falling exponents from 9 (the order) to 0"),
+        (
+            {"waveform__polynomial": "polynomial = [9, 4, 1]"},
+            "expected exponents in descending order from 9 (the order) to 0",
+        ),
         ({"waveform__polynomial": "polynomial = [9, 1, 0]"}, "which is not primitive: its sequence repeats after"),
         (
             {"waveform__direction": 'direction = "backward"'},
@@ -102,8 +105,11 @@ def test_another_sounder_is_another_file_and_no_code(edited):
         ({"rx_antenna__hpbw_azimuth": ""}, "rx_antenna: pattern"),
         ({"rx_antenna__cut": ""}, 'rx_antenna: pattern "cut" and the key cut go together'),
         ({"rx_antenna__pattern": 'pattern = "dipole"'}, "rx_antenna.pattern is 'dipole'; expected 'gaussian'"),
-        ({"scan__elevation": "elevation = [0, -9, 9]"}, "scan: elevation must hold rising values"),
-        ({"scan__elevation": "elevation = []"}, "scan: elevation must hold rising values, at least one"),
+        (
+            {"scan__elevation": "elevation = [0, -9, 9]"},
+            "scan: elevation must have one or more values in ascending order",
+        ),
+        ({"scan__elevation": "elevation = []"}, "scan: elevation must have one or more values in ascending order"),
         ({"scan__elevation": "elevation = [0, 91]"}, "scan: elevation must lie within -90 to 90 degree"),
         ({"scan__azimuth": "azimuth = [0, 360]\nunused = ["}, "scan"),
         (
@@ -157,7 +163,10 @@ def test_a_description_cannot_be_changed():
         ("angle,azimuth,elevation\n-90,-20,-20\n0,zero,0\n90,-20,-20\n", "expected numbers under the header"),
         ("angle,azimuth,elevation\n-90,-20,-20\n0,nan,0\n90,-20,-20\n", "rx_antenna.cut.azimuth.1 is nan; expected"),
         ("angle,azimuth,elevation\n0,0,0\n", "rx_antenna.cut: angle, azimuth and elevation must have one length"),
-        ("angle,azimuth,elevation\n0,0,0\n-90,-20,-20\n90,-20,-20\n", "rx_antenna.cut: angle must rise"),
+        (
+            "angle,azimuth,elevation\n0,0,0\n-90,-20,-20\n90,-20,-20\n",
+            "rx_antenna.cut: angle must be in ascending order",
+        ),
         ("angle,azimuth,elevation\n0,0,0\n10,-3,-3\n90,-20,-20\n", "reach to both sides of boresight"),
     ],
 )

@@ -169,7 +169,7 @@ def test_a_dc_offset_does_not_hide_the_sequence():
         (np.full(1022, np.nan + 0j), "stands out"),
         (np.random.default_rng(1).standard_normal((1022, 2)) @ [1, 1j], "no m-sequence of order 9 stands out"),
         (np.exp(0.3j * np.arange(1022)), "stands out"),
-        (np.ones(1000, complex), "1000 samples a capture; expected the period of an m-sequence"),
+        (np.ones(1000, complex), "1000 samples per capture; expected the period of an m-sequence"),
     ],
 )
 def test_what_is_no_m_sequence_is_refused(capture, expected):

@@ -73,8 +73,8 @@ def test_back_to_back_shows_the_sequence_it_holds_not_the_described_one(descript
     other = description(waveform={**WAVEFORM, "polynomial": [7, 3, 0]}, scan={"azimuth": [0.0], "elevation": [0.0]})
     made = receiver.back_to_back(other, 60.0, faults=Faults.absent(dc_offset=DCOffset()))
     shown = dict(describe_back_to_back(replace(made, sounder=sounder)))
-    assert shown["sequence found"].startswith("order 7, polynomial [7, 3, 0] forward, positive, 2 samples a chip; ")
-    assert shown["sequence found"].endswith("; not the described order 7, polynomial [7, 1, 0] forward")
+    assert shown["sequence found"].startswith("order 7, polynomial [7, 3, 0] forward, positive, 2 samples per chip; ")
+    assert shown["sequence found"].endswith("; differs from the description: order 7, polynomial [7, 1, 0] forward")
     assert shown["attenuation"] == "60 dB (nominal)"
     silent = replace(made, captures=np.zeros_like(made.captures))
     assert "no m-sequence of order 7 stands out" in dict(describe_back_to_back(silent))["sequence found"]
@@ -86,7 +86,7 @@ def test_a_sequence_is_the_same_as_that_of_the_reciprocal_polynomial_backwards(d
     made = receiver.back_to_back(described, 60.0, faults=Faults.absent(dc_offset=DCOffset()))
     shown = dict(describe_back_to_back(made))["sequence found"]
     assert shown.startswith("order 7, polynomial [7, 1, 0] forward, ")
-    assert shown.endswith("; the same as the described order 7, polynomial [7, 6, 0] reversed")
+    assert shown.endswith("; agrees with the description: order 7, polynomial [7, 6, 0] reversed")
 
 
 def test_a_file_of_another_kind_is_reported(tmp_path, sounder):

@@ -24,8 +24,8 @@ from .files import IQ, edit
         ({"iq": IQ.astype(np.float32)}, "iq is float32"),
         (
             {"iq": IQ[:, :, :, :250]},
-            "250 samples a capture, but 132 GHz rotating-horn sounder describes 254 (order 7, 2 samples a chip); pass "
-            "its description with --sounder or export the recording again",
+            "250 samples per capture, but 132 GHz rotating-horn sounder describes 254 (order 7, 2 samples per chip); "
+            "pass its description with --sounder or export the recording again",
         ),
         (
             {"rx_position": [[1.0, np.nan, 2.0]]},
@@ -34,7 +34,7 @@ from .files import IQ, edit
         ({"rx_position": [[1.0, 2.0]]}, "rx_position has 2 numbers; expected 3"),
         (
             {"rx_position": [[1.0, 2.0, 3.0]], "tx_position": [[1.0, 2.0, 3.0]]},
-            "P 1: tx_position equals rx_position [1.0, 2.0, 3.0]; expected two places",
+            "P 1: tx_position equals rx_position [1.0, 2.0, 3.0]; expected two different positions",
         ),
         ({"azimuth": [0.0, 200.0, 90.0]}, "azimuth is not in ascending order"),
         ({"elevation": [0.0, np.nan]}, "elevation is not in ascending order; expected finite ascending values"),

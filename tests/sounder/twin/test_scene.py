@@ -73,7 +73,7 @@ def test_files_are_looked_for_beside_the_scene(tmp_path):
     [
         (NORTH.replace("seed", "sead"), r"sead: unknown key; did you mean seed\?"),
         (NORTH.replace('tx = "TX"', 'tx = "TY"', 1), "A names the transmitter TY; known are TX"),
-        (NORTH.replace('name = "B"', 'name = "A"'), "A is there twice"),
+        (NORTH.replace('name = "B"', 'name = "A"'), "A appears twice"),
         (NORTH.replace('name = "B"', 'name = "../B"'), r"receivers\.1: name is '\.\./B'; expected a file name"),
         (NORTH.replace("[40, -5, 2]", "[0, 0, 10]"), "A and TX have the same position"),
         (NORTH.replace("[40, -5, 2]", "[40, nan, 2]"), r"receivers\.0\.position\.1 is nan"),

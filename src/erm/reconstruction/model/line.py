@@ -10,7 +10,7 @@ from erm.reconstruction.model.paths import BoolArray, IntArray, PathColumns, Pat
 
 
 class Frame(NamedTuple):
-    """Coordinates of a line ``n.(p - pivot) = offset``, ``n`` a unit vector; numbers, or one line a path (path,)."""
+    """Coordinates of a line ``n.(p - pivot) = offset``, ``n`` a unit vector; numbers, or one line per path (path,)."""
 
     nx: FloatArray | float
     ny: FloatArray | float

@@ -18,7 +18,7 @@ from erm.reconstruction.model.paths import IntArray, Paths
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """A line and its inliers: the paths that agree with it, at most one a link.
+    """A line and its inliers: the paths that agree with it, at most one per link.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ def refine_cylinder(
     -------
     cylinder : Cylinder
     inliers : array (inlier,) of int
-        Ascending, one a link. None is returned where fewer than ``min_support`` agree.
+        Ascending, one per link. None is returned where fewer than ``min_support`` agree.
     """
     near = paths.take(around)
     for _ in range(MAX_REFINEMENTS):

@@ -59,7 +59,7 @@ def refine_points(paths: Paths, starts: Points, around: Ragged, min_support: int
     -------
     points : Points
     inliers : Ragged
-        Paths of each, one a link, ascending; none where fewer than ``min_support`` agree.
+        Paths of each, one per link, ascending; none where fewer than ``min_support`` agree.
     depends_on : Ragged
         Paths that were collected on the way: whether others are free makes no difference.
     """

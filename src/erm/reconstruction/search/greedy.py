@@ -18,7 +18,7 @@ MIN_BATCH, MAX_BATCH = 64, 2048
 
 
 class Group(NamedTuple):
-    """A line and its inliers: rows of the paths that agree with it, at most one a link."""
+    """A line and its inliers: rows of the paths that agree with it, at most one per link."""
 
     line: Line
     inliers: IntArray

@@ -8,7 +8,7 @@ sums of lanes. Three kinds of pass over the rows, of 8 or 16 each:
 2. transform middle bits, block by block, so that a block stays in the nearest cache (orders 10 and up);
 3. transform the lowest three bits and, after transposing chips between rows, the lanes; square and add.
 
-Captures of 2 samples a chip are copied two at a time to a place where their beginning is repeated behind
+Captures of 2 samples per chip are copied two at a time to a place where their beginning is repeated behind
 their end, and summed on the way; while one is transformed, the one `AHEAD` bytes later is fetched.
 """
 
@@ -175,7 +175,7 @@ def add_staged(rows: int, ahead: int, staged: int, gather: int, z: Array, power:
 
 @cache
 def kernels(order: int, samples_per_chip: int) -> Kernels:
-    """Make the entry points for an order and a number of samples a chip.
+    """Make the entry points for an order and a number of samples per chip.
 
     They are closed over two constants alone: the numbers of a chip, and the rows of a block after the first
     pass.

@@ -27,7 +27,7 @@ SHORTS = ir.VectorType(I16, 2 * LANES)
 FUSED = ("contract",)
 """Sums and products may be rounded once, in one instruction."""
 FIRST_RADIX = {2: 8, 4: 16, 8: 16}
-"""Rows of the first pass, by numbers a chip; the smallest order has no more."""
+"""Rows of the first pass, by numbers per chip; the smallest order has no more."""
 NEEDED = ("avx512f", "avx512bw", "avx512dq", "avx512vl")
 """Features of the target without which LLVM does not know the instructions here."""
 

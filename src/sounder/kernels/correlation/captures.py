@@ -41,7 +41,7 @@ def flat_captures(iq: Captures, samples: int) -> Captures:
     shape = iq.shape if is_complex else iq.shape[:-1]
     if len(shape) != 2 or shape[1] != samples:
         raise ValueError(
-            f"captures: shape {shape} before I and Q; expected (snapshot, {samples}); check order and samples a chip"
+            f"captures: shape {shape} before I and Q; expected (snapshot, {samples}); check order and samples per chip"
         )
     iq = np.require(iq, iq.dtype.newbyteorder("="), ["C", "A"])
     flat = iq.view(np.float32) if is_complex else iq.reshape(shape[0], 2 * samples)

@@ -63,7 +63,8 @@ class MSequenceCorrelator:
         found = permutations(chips)
         if found.order not in ORDERS or samples_per_chip not in SAMPLES_PER_CHIP:
             raise ValueError(
-                f"sequence: order {found.order} at {samples_per_chip} samples a chip; expected order 7 to 15 at 1 to 4"
+                f"sequence: order {found.order} at {samples_per_chip} samples per chip; "
+                "expected order 7 to 15 at 1 to 4"
             )
         self._chips = np.asarray(chips, np.int8)
         self.samples = found.input.size * samples_per_chip
@@ -100,7 +101,7 @@ class MSequenceCorrelator:
         capture = np.array(x, np.complex128, ndmin=1)
         if capture.shape != (self.samples,):
             raise ValueError(
-                f"capture: shape {capture.shape}; expected ({self.samples},); check order and samples a chip"
+                f"capture: shape {capture.shape}; expected ({self.samples},); check order and samples per chip"
             )
         chips, spc = self._tables.rows.size, self._tables.samples_per_chip
         sums = sum(np.roll(capture, -shift) for shift in range(spc))

@@ -15,7 +15,7 @@ Array = Any
 
 
 class Tables(NamedTuple):
-    """Constants of one sequence at one number of samples a chip, in the layout of one path.
+    """Constants of one sequence at one number of samples per chip, in the layout of one path.
 
     The transform is a flat array of float32. The chip of delay k begins ``stride * positions[k]`` numbers
     from its start; where several captures share a stride, each has ``chip`` numbers of it.

@@ -30,7 +30,7 @@ class ScanView(NamedTuple):
         The pattern [neper] tabulated evenly from -180 to 180 degree, linear between, and its slope [neper/radian].
     pulse, matched : array complex (point,)
         The pulse of a path of amplitude 1, and the filter that measures the amplitude, conjugated;
-        ``oversampling`` points a sample.
+        ``oversampling`` points per sample.
     artefacts : array of `sounder.kernels.extraction.records.ARTEFACT` (artefact,)
     oversampling : int
     azimuths, elevations : int

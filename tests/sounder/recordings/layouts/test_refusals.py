@@ -28,7 +28,7 @@ from .captures import IQ, PLAIN, POSITIONS, change
         ),
         (
             change('"snapshot", "sample"', '"sample", "snapshot"'),
-            "3 samples a capture, but the sequence has 254; raw is",
+            "3 samples per capture, but the sequence has 254; raw is",
         ),
         (change("[10, 100, 190, 280]", "[10, 100, 190, 370]"), "the grid lists a direction twice"),
         (change("[10, 100, 190, 280]", '{ dataset = "nan" }'), "grid.azimuth is [0.0, nan, 0.0, 0.0]; expected"),
@@ -56,7 +56,7 @@ from .captures import IQ, PLAIN, POSITIONS, change
         ),
         (
             PLAIN + "[sounder.waveform]\norder = 8\n",
-            "the layout's [sounder]: waveform: polynomial is [7, 1, 0]; expected falling exponents from 8",
+            "the layout's [sounder]: waveform: polynomial is [7, 1, 0]; expected exponents in descending order from 8",
         ),
         (PLAIN + "[sounder.waveform]\nchirp = 8\n", "the layout's [sounder]: waveform.chirp: unknown key"),
         (
@@ -86,7 +86,7 @@ def test_a_file_that_is_not_as_the_layout_says_is_reported_in_one_line(opened, l
 
 def test_samples_that_do_not_fit_the_description_are_reported(opened):
     found, _ = opened({"raw": IQ[..., :250, :]}, PLAIN)
-    assert all("250 samples a capture, but 132 GHz rotating-horn sounder describes 254" in str(r) for r in found)
+    assert all("250 samples per capture, but 132 GHz rotating-horn sounder describes 254" in str(r) for r in found)
 
 
 @pytest.mark.parametrize(
