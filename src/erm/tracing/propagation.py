@@ -69,8 +69,8 @@ def path_coefficients(
 def antenna_vector(ray: np.ndarray, polarization: Polarization) -> np.ndarray:
     """Polarisation vectors (path, 3) of an antenna for directions of propagation (path, 3).
 
-    Vertical is the unit vector of increasing zenith angle. It is the same for a direction and its opposite, so one formula
-    is valid for departure and arrival. Horizontal is the unit vector of increasing azimuth of the direction of
+    Vertical is the unit vector of increasing zenith angle. It is the same for a direction and its opposite, so one
+    formula is valid for departure and arrival. Horizontal is the unit vector of increasing azimuth of the direction of
     propagation. The factor of a direct path is positive.
     """
     azimuth = np.arctan2(ray[:, 1], ray[:, 0])

@@ -67,7 +67,8 @@ class Waveform(Table):
         exponents = sorted(set(self.polynomial), reverse=True)
         if list(self.polynomial) != exponents or exponents[:1] != [self.order] or exponents[-1] != 0:
             raise ValueError(
-                f"polynomial is {list(self.polynomial)}; expected exponents in descending order from {self.order} (the order) to 0"
+                f"polynomial is {list(self.polynomial)}; expected exponents in descending order from {self.order} "
+                "(the order) to 0"
             )
         if (period := _register_period(self.order, self.polynomial)) != self.chips:
             raise ValueError(
