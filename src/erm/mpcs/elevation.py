@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from erm.geometry.vertical import FloatArray
+from erm.mpcs.standard_errors import SIGMAS
 from erm.mpcs.table import free_space_gain, path_length
 
 if TYPE_CHECKING:
     import xarray as xr
 
-MAX_DEVIATION = 3.0
-"""Largest deviation of the measured elevation from the assumed one [standard errors]; chosen."""
 PATTERN_ERROR = 0.1
 """Error of a change of gain, relative to the change in dB: that of a beamwidth that is wrong by 5 %."""
 
@@ -60,7 +59,7 @@ def implied_gain(table: "xr.Dataset", ground_height: float = 0.0) -> tuple[Float
         given, given_std = gain_at_elevation(table, elevation)
         with np.errstate(invalid="ignore", divide="ignore"):
             deviation = np.abs(elevation - table["elevation"].values) / table["elevation_std"].values
-        better = (deviation < best) & ~(given - MAX_DEVIATION * given_std > free)
+        better = (deviation < best) & ~(given - SIGMAS * given_std > free)
         gain[better], std[better], best[better] = given[better], given_std[better], deviation[better]
     return gain, std
 
@@ -83,7 +82,7 @@ def gain_at_elevation(table: "xr.Dataset", elevation: FloatArray) -> tuple[Float
     -------
     gain, std : array (mpc,)
         Gains and their standard errors [dB]. They are those of the table where it has no slope, or where the known
-        elevation deviates from the measured one by more than `MAX_DEVIATION`.
+        elevation deviates from the measured one by more than three standard errors.
     """
     gain, std, elevation_std, slope, curvature = (
         table[name].values for name in ("path_gain", "path_gain_std", "elevation_std", "gain_slope", "gain_curvature")
@@ -91,7 +90,7 @@ def gain_at_elevation(table: "xr.Dataset", elevation: FloatArray) -> tuple[Float
     difference = elevation - table["elevation"].values
     step = slope * difference + curvature * difference**2 / 2
     with np.errstate(invalid="ignore"):
-        known = np.isfinite(step) & (np.abs(difference) <= MAX_DEVIATION * elevation_std)
+        known = np.isfinite(step) & (np.abs(difference) <= SIGMAS * elevation_std)
         error = np.where(difference < 0, -elevation_std, elevation_std)
         by_elevation = slope * error + curvature * error**2 / 2
         remaining = np.sqrt(np.maximum(std**2 - by_elevation**2, 0.0) + (PATTERN_ERROR * step) ** 2)

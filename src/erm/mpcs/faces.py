@@ -9,13 +9,11 @@ from erm.geometry import vertical, vertical_covariance
 from erm.geometry.sloped import sloped_covariance, sloped_face
 from erm.geometry.vertical import FloatArray
 from erm.mpcs import elevation
+from erm.mpcs.standard_errors import SIGMAS
 from erm.mpcs.table import path_length
 
 if TYPE_CHECKING:
     import xarray as xr
-
-GRAZING_EXCESS = 3.0
-"""Standard errors by which a path must be longer than the direct one, so that its face is known to first order."""
 
 FACE_COLUMNS = (
     *("normal", "offset", "tilt", "tilt_std", "grazing"),
@@ -45,7 +43,7 @@ def with_faces(table: "xr.Dataset") -> "xr.Dataset":
         "tilt": (sloped_face(*in_space).tilt, "degree", "elevation of the face normal by the measured elevation"),
         "tilt_std": (np.sqrt(slope[:, 1, 1]), "degree", "standard deviation of the tilt"),
         "grazing": (
-            ~(excess > GRAZING_EXCESS * std[0]),
+            ~(excess > SIGMAS * std[0]),
             "1",
             "path hardly longer than the direct one: the errors of its face mean little",
         ),

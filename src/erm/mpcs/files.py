@@ -15,6 +15,7 @@ import numpy.typing as npt
 from erm.common.constants import c
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path, open_group, require_file
+from erm.mpcs.standard_errors import SIGMAS
 from erm.mpcs.table import OPTIONAL, VALUES, columns_of_product, empty_table, make_table
 
 if TYPE_CHECKING:
@@ -230,7 +231,7 @@ def _checked(
     """Drop the rows that break a rule; return one line for each broken rule."""
     tx, rx = table["tx_position"].values, table["rx_position"].values
     delay = table["delay"].values
-    early = np.fmax(TIMING_TOLERANCE, 3 * table["delay_std"].values)
+    early = np.fmax(TIMING_TOLERANCE, SIGMAS * table["delay_std"].values)
     with np.errstate(invalid="ignore"):  # infinite values are caught by the rules
         direct = np.linalg.norm(tx - rx, axis=-1)
         broken = dict(rules) | {

@@ -19,6 +19,7 @@ from erm.mpcs.clusters import clusters
 from erm.mpcs.faces import elevation_excess, with_faces
 from erm.mpcs.options import Threshold
 from erm.mpcs.reasons import Reason
+from erm.mpcs.standard_errors import SIGMAS
 from erm.mpcs.table import free_space_gain, path_length
 
 if TYPE_CHECKING:
@@ -40,8 +41,6 @@ DIRECT_AZIMUTH = 5.0
 ELEVATION_TOLERANCE = 3.0
 """Deviation of elevations that is tolerated beyond their errors [degree]: a scan of few elevations is biased by 2
 degrees beyond its edges, all paths alike."""
-SIGMAS = 3.0
-"""Standard errors within which values agree."""
 
 
 def select(

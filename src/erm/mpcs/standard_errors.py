@@ -14,6 +14,8 @@ from erm.geometry.vertical import FloatArray, angle_difference, azimuth_of
 if TYPE_CHECKING:
     import xarray as xr
 
+SIGMAS = 3.0
+"""Standard errors beyond which a value contradicts another."""
 SMALLEST_ERRORS = (1e-12, 1e-2, 1e-2)
 """Smallest standard errors of delay [s], azimuth and elevation [degree]: 0.3 mm, and 2 mm at 10 m; chosen. Smaller
 errors than these are dominated by those of positions and arithmetic."""
@@ -60,7 +62,9 @@ def errors_of_direct_paths(table: "xr.Dataset") -> StandardErrors:
     azimuth_error = angle_difference(table["azimuth"].values, azimuth_of(difference))
     true_elevation = np.rad2deg(np.arctan2(difference[:, 2], np.hypot(difference[:, 0], difference[:, 1])))
     elevation_error = table["elevation"].values - true_elevation
-    near = np.flatnonzero((np.abs(delay_error) < 3 * ASSUMED.delay) & (np.abs(azimuth_error) < 3 * ASSUMED.azimuth))
+    near = np.flatnonzero(
+        (np.abs(delay_error) < SIGMAS * ASSUMED.delay) & (np.abs(azimuth_error) < SIGMAS * ASSUMED.azimuth)
+    )
     near = near[np.argsort(-table["path_gain"].values[near], kind="stable")]
     ends = np.hstack([table["tx_position"].values[near], table["rx_position"].values[near]])
     _, strongest = np.unique(ends, axis=0, return_index=True)

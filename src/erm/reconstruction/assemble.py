@@ -8,6 +8,7 @@ from erm.maps.environment import Environment, Slab
 from erm.maps.materials import Material
 from erm.maps.reflectors import make_reflectors
 from erm.mpcs.reasons import Reason
+from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.decision.decide import Decision
 from erm.reconstruction.model.extent import MAX_FRESNEL_MARGIN, piece_ends
 from erm.reconstruction.model.loss import refractive_index_squared
@@ -16,9 +17,6 @@ from erm.reconstruction.poles.poles import Pole
 
 if TYPE_CHECKING:
     import xarray as xr
-
-SIGNIFICANCE = 3.0
-"""Standard errors by which the reduced chi-squared of a reflector must exceed 1 for its covariance to be widened."""
 
 
 def assemble(
@@ -114,5 +112,5 @@ def assemble(
 
 def _covariance_factor(reduced_chi_squared: float, support: int) -> float:
     """Factor of a covariance: the reduced chi-squared of a fit of ``support`` paths if it is significantly above 1."""
-    threshold = 1 + SIGNIFICANCE * np.sqrt(2 / max(2 * support - 2, 1))
+    threshold = 1 + SIGMAS * np.sqrt(2 / max(2 * support - 2, 1))
     return reduced_chi_squared if reduced_chi_squared > threshold else 1.0

@@ -18,6 +18,7 @@ from erm.mpcs.selection import MAX_GAIN_EXCESS, fits_vertical_wall, reflection_l
 from erm.reconstruction.decision.decide import MIN_WEAK_LOG_ODDS
 from erm.reconstruction.model.fit import fit_line, misfit
 from erm.reconstruction.model.line import Line, seed_line
+from erm.reconstruction.model.odds import THOUSAND_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
@@ -28,10 +29,6 @@ from erm.reconstruction.search.search import add_uncertain_paths
 if TYPE_CHECKING:
     import xarray as xr
 
-MIN_LINKS = 3
-"""Links of a new group with wrapped delays: two agree on some wall whatever their delays."""
-MIN_CHI_SQUARED_DIFFERENCE = 13.8
-"""Chi-squared by which another number of periods must fit worse, ``2 ln 1000``."""
 MAX_PERIODS = 2
 """Periods that a delay may be too short by; longer paths are too weak to be received. Chosen; not derived."""
 CHANGED_COLUMNS = ("delay", "reflection_loss", "reflection_loss_std", *FACE_COLUMNS)
@@ -85,7 +82,7 @@ def add_wrapped_paths(
 def with_wrapped_delays(
     table: "xr.Dataset", measured: Paths, wrapped: "xr.Dataset", walls: Sequence[Wall], count: int
 ) -> tuple["xr.Dataset", Paths]:
-    """Replace the delays of the MPCs that walls explain only with longer ones.
+    """Add whole periods to the delays of the MPCs that walls explain only so.
 
     Parameters
     ----------
@@ -179,7 +176,8 @@ def _accepted(
             before = extended[np.argmax(shared)]
             other_links = ~np.isin(paths.link[hypotheses], paths.link[before])
             extended[np.argmax(shared)] = np.r_[before, hypotheses[other_links]]
-        elif len(group.inliers) >= MIN_LINKS and _is_period_certain(
+        # two links agree on some wall whatever their delays
+        elif len(group.inliers) > 2 and _is_period_certain(
             paths.take(group.inliers), group.line, period[group.inliers]
         ):
             new.append(group)
@@ -193,9 +191,9 @@ def _accepted(
 
 
 def _is_period_certain(paths: Paths, line: Line, period: FloatArray) -> bool:
-    """Whether one period (path,) [m] more or less, of the paths that have any, fits clearly worse."""
+    """Whether one period (path,) [m] more or less, of the paths that have any, is a thousand times less likely."""
     best = paths.take(np.array([np.argmin(np.where(period > 0, paths.azimuth_std, np.inf))]))
-    limit = _chi_squared(paths, line) + MIN_CHI_SQUARED_DIFFERENCE
+    limit = _chi_squared(paths, line) + 2 * THOUSAND_TO_ONE
     for step in (-period, period):
         start = replace(best, length=best.length + np.sign(step.sum()) * period.max())
         if np.isfinite(start.virtual_anchors()).all():

@@ -91,7 +91,8 @@ class Conflicts:
     def crossing_paths(self, wall: int, accepted: BoolArray) -> float:
         """Number of direct paths and paths of accepted candidates that would have to pass through a candidate.
 
-        All direct paths were tested, but of a large candidate only some paths. Direct paths count for this share.
+        Of a large candidate only a share of the paths was tested, but all direct paths were. Direct paths are therefore
+        weighted by this share.
         """
         rows = self._by_face[wall]
         rows = rows[self._certain[rows]]

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from erm.geometry.vertical import angle_difference, unit
+from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.decision.multi_bounce import FACADE_ROUGHNESS
 from erm.reconstruction.model.line import mirror_images
 from erm.reconstruction.model.loss import loss_error, median_loss
@@ -58,7 +59,7 @@ def corner_pairs(walls: Sequence[Wall]) -> list[tuple[int, int]]:
         turn = np.deg2rad(from_tx * m - float((tx - wall.line.pivot) @ m) * n)
         own = np.stack([unit(normals) @ turn, unit(normals) @ n], axis=-1)
         variance = of_known + np.einsum("np,pq,nq->n", own, wall.line.covariance, own)
-        tolerance = 3 * np.sqrt(variance) + FACADE_ROUGHNESS
+        tolerance = SIGMAS * np.sqrt(variance) + FACADE_ROUGHNESS
         angle = np.abs(angle_difference(2 * normals, 2 * wall.line.normal)) / 2
         near = (np.abs(distance) < tolerance) & (tolerance < MAX_CORNER_ERROR)
         near &= (angle > MIN_CORNER_ANGLE) & (support >= wall.support)

@@ -11,6 +11,7 @@ import numpy as np
 
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import CONSISTENT_LOSS, ELEVATION_TOLERANCE
+from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.decision.conflicts import Conflicts
 from erm.reconstruction.decision.corners import corner_pairs
 from erm.reconstruction.decision.duplicates import merge_duplicates
@@ -126,7 +127,7 @@ class Candidates:
         if self._weak[wall] and self._against_false_alarm[wall] < MIN_WEAK_LOG_ODDS:
             return Reason.FALSE_ALARM
         mean, error = self.walls[wall].mean_elevation_excess
-        if np.isfinite(error) and abs(mean) > ELEVATION_TOLERANCE + 3 * error:
+        if np.isfinite(error) and abs(mean) > ELEVATION_TOLERANCE + SIGMAS * error:
             return Reason.MEAN_ELEVATION
         others = accepted.copy()
         others[wall] = False
@@ -159,8 +160,8 @@ class Candidates:
     def log_odds(self, wall: int) -> float:
         """Log odds of a candidate alone to be a wall and not a chain.
 
-        A chain of reflections loses more than a wall. It is seen from fewer places and over fewer angles, through the
-        windows that its walls are to one another, and it arrives after the paths off its walls.
+        A chain of reflections loses more than a wall. It is received in fewer places and over a smaller range of
+        angles, for it must meet all of its walls, and it arrives after the paths off these walls.
         """
         excess = max(float(self._loss[wall]) - self._scene_loss, MIN_EXCESS_LOSS)
         # the log odds of two Gaussians of equal width fall by this factor if an error widens both
@@ -196,19 +197,19 @@ def decide_walls(
     false_alarms = are_false_alarms(candidates)
     rejected = [(wall, Reason.FALSE_ALARM) for wall in compress(candidates, false_alarms)]
     distinct = merge_duplicates(list(compress(candidates, ~false_alarms)), max_gap)
-    trial = Candidates(distinct, minor, lines_of_sight, max_gap)
-    walls = trial.walls
+    ranked = Candidates(distinct, minor, lines_of_sight, max_gap)
+    walls = ranked.walls
     accepted = np.zeros(len(walls), dtype=bool)
     for _ in range(MAX_ROUNDS):
         before = accepted.copy()
-        for i in trial.order:
-            accepted[i] = trial.reason_against(i, accepted) is None
+        for i in ranked.order:
+            accepted[i] = ranked.reason_against(i, accepted) is None
         if np.array_equal(before, accepted):
             break
     reasons = [
-        (walls[i], trial.reason_against(i, accepted) or Reason.OBSTRUCTION) for i in np.flatnonzero(~accepted).tolist()
+        (walls[i], ranked.reason_against(i, accepted) or Reason.OBSTRUCTION) for i in np.flatnonzero(~accepted).tolist()
     ]
-    chosen = sorted(np.flatnonzero(accepted).tolist(), key=lambda i: (-walls[i].support, trial.rank[i]))
+    chosen = sorted(np.flatnonzero(accepted).tolist(), key=lambda i: (-walls[i].support, ranked.rank[i]))
     kept = [walls[i] for i in chosen]
     return Decision(kept, cut_walls(kept, lines_of_sight, links, max_gap), reasons + rejected)
 

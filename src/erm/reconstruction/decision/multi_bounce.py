@@ -1,9 +1,9 @@
 """Chains of reflections that look like a wall, and the two signs that reveal them.
 
-The image of an image is as fixed a point as the image in one wall. Paths off two walls therefore agree on a third one
-from everywhere, and support alone cannot tell them from a wall. Here a candidate is rejected if its image is composed
-of mirrors that are already known and its paths lose what these lose, or if two candidates are one double reflection in
-its two orders.
+The image of an image is a fixed point, just as the image in one wall is. Paths off two walls therefore agree on a
+third one wherever the receiver is, and support alone cannot separate them from a wall. A candidate is rejected here if
+its image is composed of known mirrors and its paths lose what these lose, or if two candidates are one double
+reflection in its two orders.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from erm.geometry.vertical import FloatArray, bisector, mirrored, unit
+from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.line import Line, mirror_images
 from erm.reconstruction.model.loss import loss_error, median_loss, reflection_loss, refractive_index_squared
@@ -58,8 +59,9 @@ def mirror_of(wall: Wall, margin: float) -> Mirror:
 def is_multi_bounce(wall: Wall, mirrors: Sequence[Mirror]) -> bool:
     """Whether two or three reflections off mirrors explain most paths of a wall.
 
-    Mirroring the image once more takes it one reflection back. If what is left is the image in another mirror, the
-    paths meet both mirrors in turn where these may stand, and they lose no less than both, then the wall is not needed.
+    Mirroring an image in the last wall of a chain takes it one reflection back. A chain explains a path if what is left
+    is the image in the first wall, if the path meets each wall where it may stand, and if it loses no less than the
+    walls do.
 
     Parameters
     ----------
@@ -207,7 +209,7 @@ def _hidden_wall_pairs_of(walls: Sequence[Wall], tx: FloatArray) -> list[tuple[i
         of_hidden = mirrored(image[weaker] - line.pivot, line.normal, line.offset) + line.pivot
         normal, offset = bisector(tx - of_hidden, np.zeros(2))
         expected = mirrored(image[known] - of_hidden, normal, offset) + of_hidden
-        radius = 3 * (spread[weaker] + 2 * spread[known]) + FACADE_ROUGHNESS
+        radius = SIGMAS * (spread[weaker] + 2 * spread[known]) + FACADE_ROUGHNESS
         for i, near in zip(weaker.tolist(), tree.query_ball_point(expected, radius), strict=True):
             found += [
                 (i, j, known) for j in near if j in weaker and j != i and abs(loss[i] - loss[j]) < ORDER_LOSS_DIFFERENCE

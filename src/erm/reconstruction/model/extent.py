@@ -68,10 +68,10 @@ class Footprint(NamedTuple):
 def without_strays(wall: Wall) -> tuple[Wall, IntArray]:
     """Remove paths from a well-supported wall that agree with its line but are isolated along it.
 
-    Up to `STRAY_SHARE` of the inliers may be strays, paths from elsewhere, spread over the whole line: of a wall with
-    thousands of paths they would hide every gap. ``2 SOLID_GAP STRAY_SHARE n / span`` strays are expected within
-    `SOLID_GAP` of a point. An inlier is removed if so many strays are expected to have as much company by chance that
-    one of them is expected among twenty such walls.
+    Up to `STRAY_SHARE` of the ``n`` inliers may be strays: paths from elsewhere, spread over the whole line. On a wall
+    with thousands of paths they would hide every gap. Within `SOLID_GAP` of a point,
+    ``2 SOLID_GAP STRAY_SHARE n / span`` strays are expected. An inlier is kept if the expected number of strays with as
+    many neighbours as it has is below 1 / 20.
 
     Parameters
     ----------
@@ -88,11 +88,13 @@ def without_strays(wall: Wall) -> tuple[Wall, IntArray]:
         return wall, np.arange(wall.support)
     along = wall.line.along(wall.reflection_points)
     ranked = np.sort(along)
-    company = np.searchsorted(ranked, along + SOLID_GAP, side="right") - np.searchsorted(ranked, along - SOLID_GAP) - 1
+    neighbours = (
+        np.searchsorted(ranked, along + SOLID_GAP, side="right") - np.searchsorted(ranked, along - SOLID_GAP) - 1
+    )
     strays = STRAY_SHARE * wall.support
     # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
-    by_chance = gammainc(np.maximum(company, 1), 2 * SOLID_GAP * strays / max(ranked[-1] - ranked[0], 2 * SOLID_GAP))
-    kept = np.flatnonzero((company > 0) & (strays * by_chance < 1 / 20))
+    by_chance = gammainc(np.maximum(neighbours, 1), 2 * SOLID_GAP * strays / max(ranked[-1] - ranked[0], 2 * SOLID_GAP))
+    kept = np.flatnonzero((neighbours > 0) & (strays * by_chance < 1 / 20))
     return Wall(wall.all_paths, wall.line, wall.inliers[kept]), kept
 
 

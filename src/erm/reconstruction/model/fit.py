@@ -6,10 +6,11 @@ import numpy as np
 
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.reconstruction.model.line import Frame, Line, Lines
+from erm.reconstruction.model.odds import THOUSAND_TO_ONE
 from erm.reconstruction.model.paths import IntArray, PathColumns, Paths
 from erm.reconstruction.model.ragged import Ragged, list_sums
 
-CHI_SQUARED_GATE = 13.8
+CHI_SQUARED_GATE = 2 * THOUSAND_TO_ONE
 """Chi-squared up to which a path agrees with a line: with 2 degrees of freedom one true path in 1000 exceeds it, for
 ``exp(-x / 2) = 1e-3`` at ``x = 2 ln 1000 = 13.8``."""
 HUBER_THRESHOLD = 2.0

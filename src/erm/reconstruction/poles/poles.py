@@ -19,6 +19,7 @@ from erm.reconstruction.model.extent import Legs, solid_footprint
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.grid import Grid
 from erm.reconstruction.model.line import Lines
+from erm.reconstruction.model.odds import TWENTY_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import Ragged
 from erm.reconstruction.model.wall import Wall
@@ -39,8 +40,6 @@ POLE_SEARCH_RADIUS = 2.0
 """Distance from a pole within which the reflection points of its paths are searched [m]. Chosen; not derived."""
 MIN_POLE_LOSS = 6.0
 """Smallest loss of a path off a pole [dB]: a cylinder seen from further than its radius loses more."""
-MIN_POLE_LOG_ODDS = 3.0
-"""Log odds that a pole needs, ``ln 20``. Of 2800 candidates above it on random streets three were no poles."""
 MIN_WALL_DISTANCE = 0.5
 """Distance to a wall below which a pole is taken for its roughness or a pilaster [m]. Chosen; not derived."""
 
@@ -60,8 +59,9 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
     """Find poles that at least ``min_support`` links agree on.
 
     Delays and azimuths of a pole's paths, and the single radius that their losses imply, must be twenty times more
-    likely than if the paths were clutter or off an image (`erm.reconstruction.poles.evidence`). Less than one such
-    point must be expected by chance, and the legs must not pass through walls.
+    likely than if the paths were clutter or off an image (`erm.reconstruction.poles.evidence`); of 2800 such candidates
+    on random streets three were no poles. Less than one such point must be expected by chance, and the legs must not
+    pass through walls.
 
     Parameters
     ----------
@@ -93,14 +93,14 @@ def find_poles(paths: Paths, walls: Sequence[Wall], min_support: int) -> list[Po
         if clutter.expected_false_alarms(own) > 1:
             continue
         of_pole, of_images = pole_log_odds(own, cylinder, own_density, min_support)
-        if of_pole - of_images < MIN_POLE_LOG_ODDS or obstacles.touch(cylinder):
+        if of_pole - of_images < TWENTY_TO_ONE or obstacles.touch(cylinder):
             continue
         if np.mean(obstacles.hide(cylinder, own)) > 0.5:
             continue
         # a link with a weaker path than all that received the pole is not expected to receive it
         near = links.take(_spreading(cylinder, links) <= _spreading(cylinder, own).max())
         in_view = int(np.count_nonzero(~obstacles.hide(cylinder, near)))
-        if of_pole + log_probability_of_view(len(inliers), in_view) > MIN_POLE_LOG_ODDS:
+        if of_pole + log_probability_of_view(len(inliers), in_view) > TWENTY_TO_ONE:
             poles.append(
                 Pole(
                     cylinder.centre,

@@ -10,9 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from erm.geometry.vertical import FloatArray
+from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE, EXACT_LINE, chi_squared, fit_line, fit_lines, residuals
 from erm.reconstruction.model.line import Line, Lines, mirror_images
 from erm.reconstruction.model.loss import is_diffuse
+from erm.reconstruction.model.odds import TWENTY_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import Ragged, list_sums
 from erm.reconstruction.model.wall import cos_incidence
@@ -24,8 +26,6 @@ MAX_BEND = 2.0
 """Largest angle between faces that share paths [degree]. Chosen; not derived."""
 MAX_SETBACK = 0.5
 """Largest setback between faces that share paths [m]. Chosen; not derived."""
-FACE_LOG_ODDS = 3.0
-"""Prior log odds against one more face, ``ln 20``: one facade in twenty bends. Chosen; not derived."""
 MAX_FACADE_PATHS = 64
 """Paths up to which a facade is split. A line with more is known so well that paths off another face make a group of
 their own. Chosen; not derived."""
@@ -117,7 +117,7 @@ def _facade(images: Images, groups: Sequence[Group], first: int, owner: IntArray
         frame.signed_distance_at(columns.rx_east, columns.rx_north),
     )
     close = np.abs(residual.length) < 2 * MAX_SETBACK
-    close &= np.abs(residual.azimuth) < 2 * MAX_BEND + 3 * columns.azimuth_std
+    close &= np.abs(residual.azimuth) < 2 * MAX_BEND + SIGMAS * columns.azimuth_std
     rows = rows[close & (distance > 0)]
     facade, links = [first], own.link
     for other, count in zip(*np.unique(owner[rows][owner[rows] >= 0], return_counts=True), strict=True):
@@ -138,8 +138,9 @@ def _split(
     """The groups of a facade, or those that its paths make if split in their order along it, whichever costs less.
 
     A path costs its chi-squared, a clutter path its ``clutter_cost``. A face costs
-    ``2 ln(V / (2 pi sqrt(det C))) + 2 ln(paths) + 2 FACE_LOG_ODDS``: the evidence of two parameters of covariance ``C``
-    in a range ``V``, and of the position of its end.
+    ``2 ln(V / (2 pi sqrt(det C))) + 2 ln(paths) + 2 ln 20``: the evidence of two parameters of covariance ``C``
+    in a range ``V``, of the
+    position of its end, and of the prior that one facade in twenty bends.
     """
     line = groups[0].line
     frame = line.frame()
@@ -166,7 +167,7 @@ class _Facade:
     def cost(self, line: Line, own: BoolArray) -> float:
         """Cost of a face and of its own paths (path,)."""
         spread = 2 * np.pi * np.sqrt(np.linalg.det(line.covariance))
-        face = 2 * (np.log(4 * MAX_BEND * MAX_SETBACK / spread) + np.log(len(self.paths)) + FACE_LOG_ODDS)
+        face = 2 * (np.log(4 * MAX_BEND * MAX_SETBACK / spread) + np.log(len(self.paths)) + TWENTY_TO_ONE)
         return float(face + np.minimum(self._chi_squared(line), self.clutter_cost)[own].sum())
 
     def is_poor_fit(self, line: Line, cost: float, count: int) -> bool:

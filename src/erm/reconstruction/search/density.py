@@ -10,6 +10,7 @@ from scipy.special import gammainc
 
 from erm.geometry.vertical import FloatArray
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
+from erm.reconstruction.model.odds import TWENTY_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray
 from erm.reconstruction.search.false_alarm import JEFFREYS_COUNT
 from erm.reconstruction.search.images import SEARCH_RADIUS, Images
@@ -18,8 +19,6 @@ MAX_REQUIRED_PARTNERS = 12
 """Partners that are required at most; a path with as many is not counted as clutter. Chosen; not derived."""
 LOG_ODDS_PER_INLIER = np.log(CHI_SQUARED_GATE / 2) - 1.0
 """Log odds that a true inlier adds on average: ``ln(gate / 2) - chi2 / 2`` with the mean ``chi2 = 2``."""
-MIN_LOG_ODDS = -3.0
-"""Log odds of a group to be no false alarm below which its seed is left out: ``-ln 20``."""
 MIN_CELL = 0.01
 """Smallest width of a cell in which images are counted [m], however accurate the azimuths are said to be. Chosen; not
 derived."""
@@ -31,7 +30,7 @@ def required_partners(images: Images, agreeing: IntArray) -> IntArray:
     Let ``n`` clutter paths lie in an area ``A`` about the seed's image. The gate of the difference of two images has
     the area ``pi gate sqrt(det 2 C)`` and holds ``m`` of them by chance. Of ``N`` seeds, ``N P(Poisson(m) >= k)`` then
     have ``k`` partners; ``k + 1`` true inliers add `LOG_ODDS_PER_INLIER` each. The fewest partners are returned for
-    which the log odds are at least `MIN_LOG_ODDS`.
+    which the odds are at least 1 : 20.
 
     Parameters
     ----------
@@ -49,7 +48,7 @@ def required_partners(images: Images, agreeing: IntArray) -> IntArray:
     for k in range(MAX_REQUIRED_PARTNERS - 1, 0, -1):
         # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
         log_odds = (k + 1) * LOG_ODDS_PER_INLIER - np.log(np.maximum(count * gammainc(k, by_chance), 1.0))
-        required[log_odds >= MIN_LOG_ODDS] = k
+        required[log_odds >= -TWENTY_TO_ONE] = k
     return required
 
 

@@ -12,6 +12,7 @@ from scipy.special import gammainc
 from erm.geometry.vertical import FloatArray
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE, misfits
 from erm.reconstruction.model.line import Lines
+from erm.reconstruction.model.odds import THOUSAND_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.images import BATCH_LINES, Images
@@ -22,25 +23,22 @@ DISTURBED_SHARE = 0.1
 """Share of inliers that other paths disturb, so that they lie anywhere in the gate. Chosen; not derived."""
 JEFFREYS_COUNT = 0.5
 """Count added to a background, so that its rate is positive where none was counted (Jeffreys prior)."""
-FITTED_INLIERS = 2
-"""Inliers that agree in any case: a line has two parameters and was started from two paths."""
 SURE_SUPPORT = 40
 """Links that never share an image by chance. Chosen; not derived."""
-FALSE_ALARM_LOG_ODDS = -6.9
-"""Log odds below which a group is a false alarm: ``-ln 1000``."""
 
 
-def log_odds_against_false_alarm(walls: Sequence[Wall], asked: Sequence[bool]) -> FloatArray:
-    """Log odds (wall,) of the candidates asked for to be one image and no false alarm; infinite for the others.
+def log_odds_against_false_alarm(walls: Sequence[Wall], some: Sequence[bool]) -> FloatArray:
+    """Log odds (wall,) of some candidates to be one image and no false alarm; infinite for the others.
 
     With ``n`` paths in the ring from 1 to `RING_RADIUS` radii of the gate, the gate holds
     ``m = (n + 1/2) / (RING_RADIUS**2 - 1)`` by chance. Of ``N`` searches, one from each path,
-    ``N P(Poisson(m) >= support - FITTED_INLIERS)`` then find a group as large. Chance also spreads its inliers evenly
+    ``N P(Poisson(m) >= support - 2)`` then find a group as large: a line has two parameters and
+    fits any two paths. Chance also spreads its inliers evenly
     over the gate, while the chi-squared of true inliers has 2 degrees of freedom: each inlier adds the logarithm of
     ``(1 - DISTURBED_SHARE) gate / 2 exp(-chi2 / 2) + DISTURBED_SHARE``. Inliers of larger candidates are explained and
     do not count as background.
     """
-    return _log_odds(walls, np.flatnonzero(asked))[0]
+    return _log_odds(walls, np.flatnonzero(some))[0]
 
 
 def are_false_alarms(walls: Sequence[Wall]) -> BoolArray:
@@ -49,7 +47,7 @@ def are_false_alarms(walls: Sequence[Wall]) -> BoolArray:
     Where clutter is so dense that every image has others beside it, groups of three or four outnumber walls.
     """
     log_odds, expected = _log_odds(walls, np.flatnonzero([wall.support < SURE_SUPPORT for wall in walls]))
-    return (log_odds < FALSE_ALARM_LOG_ODDS) & (expected > 1)
+    return (log_odds < -THOUSAND_TO_ONE) & (expected > 1)
 
 
 def _log_odds(walls: Sequence[Wall], some: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -61,7 +59,7 @@ def _log_odds(walls: Sequence[Wall], some: IntArray) -> tuple[FloatArray, FloatA
     paths = walls[0].all_paths
     by_chance = (_count_in_ring(Images(paths), walls, some) + JEFFREYS_COUNT) / (RING_RADIUS**2 - 1)
     # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
-    expected[some] = len(paths) * gammainc(np.maximum(support[some] - FITTED_INLIERS, 1), by_chance)
+    expected[some] = len(paths) * gammainc(np.maximum(support[some] - 2, 1), by_chance)
     density = [(1 - DISTURBED_SHARE) * CHI_SQUARED_GATE / 2 * np.exp(-walls[i].chi_squared / 2) for i in some.tolist()]
     fit = [np.log(own + DISTURBED_SHARE).sum() for own in density]
     log_odds[some] = np.array(fit) - np.log(np.maximum(expected[some], 1.0))

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from erm.geometry.vertical import FloatArray, unit
-from erm.reconstruction.model.fit import CHI_SQUARED_GATE
+from erm.reconstruction.model.fit import BATCH_PATHS, CHI_SQUARED_GATE
 from erm.reconstruction.model.grid import Grid
 from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
@@ -26,8 +26,6 @@ LAYER_SHARES = (0.75, 0.97)
 """Shares of the paths, the most accurate first, that have search grids of their own. Chosen; not derived."""
 SINGLE_GRID_PATHS = 1000
 """Paths up to which one grid is enough. Chosen; not derived."""
-QUERY_BATCH = 65536
-"""Paths whose neighbours are compared at once. Chosen; not derived."""
 STRIP_WIDTH = 16.0
 """Width of the strips of `spatial_order` [m]: wider than most errors of images, narrower than a city."""
 RANGE_MARGIN = 1.25
@@ -171,8 +169,8 @@ class Images:
             self._tree.data[order], k=count, distance_upper_bound=bound, workers=-1
         )[1]
         sizes, rows = np.zeros(total, dtype=np.int64), [np.empty(0, dtype=np.int64)]
-        for first in range(0, len(asked), QUERY_BATCH):
-            batch = near[first : first + QUERY_BATCH]
+        for first in range(0, len(asked), BATCH_PATHS):
+            batch = near[first : first + BATCH_PATHS]
             row, place = np.nonzero(batch < total)
             path, partner = asked[first + row], batch[row, place].astype(np.int64)
             other_link = self.paths.link[path] != self.paths.link[partner]

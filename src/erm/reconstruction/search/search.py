@@ -16,8 +16,6 @@ MIN_RESIDUALS = 6
 """Residuals with enough freedom that are needed to estimate an error. Chosen; not derived."""
 MIN_FREEDOM = 0.2
 """Smallest ``1 - leverage`` of a residual that errors are estimated from. Chosen; not derived."""
-MAX_REPEATS = 2
-"""Repetitions of the search with better errors. Chosen; not derived."""
 ERROR_CHANGE = 0.1
 """Relative change of an error for which the search is repeated. Chosen; not derived."""
 SURVEY_LENGTH = 0.01
@@ -37,7 +35,8 @@ def search_groups(
     Where a table gives no errors (``known`` is false) the first estimates are those of `erm.mpcs.selection.select` from
     ``count`` direct paths; the residuals are then pooled with them. Where a table gives errors, what the residuals show
     beyond them is added: survey and clock shift all paths of a link alike, which the table cannot know. The first
-    search allows for such errors, so that it does not leave out the links that show them.
+    search allows for such errors, so that it does not leave out the links that show them. It is repeated at most twice
+    with better errors.
 
     Parameters
     ----------
@@ -67,7 +66,7 @@ def search_groups(
         paths = _with_estimated_errors(first, paths, known, count, _groups_of(paths, image)) or paths
         before, seeds = _groups_of(paths, image), image == NEW_MPC
     groups = find_groups(paths, min_support, before, seeds)
-    for _ in range(MAX_REPEATS):
+    for _ in range(2):
         estimated = _with_estimated_errors(first, paths, known, count, groups)
         if estimated is None:
             break

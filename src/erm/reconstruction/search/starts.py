@@ -13,8 +13,6 @@ MAX_PARTNERS = 8
 """Partners of a seed that are tried. Chosen; not derived."""
 BATCH_COMPARISONS = 200_000
 """Paths compared with common images at once. Chosen; not derived."""
-COMMON_IMAGE_STEPS = 3
-"""Gauss-Newton steps of a common image. Chosen; not derived."""
 
 
 def best_starts(images: Images, seeds: IntArray, partners: Ragged, free: BoolArray) -> tuple[Lines, Ragged]:
@@ -79,14 +77,14 @@ def _agreement(images: Images, common: FloatArray, rows: IntArray) -> FloatArray
 
 
 def _common_images(images: Images, seed: IntArray, partner: IntArray) -> FloatArray:
-    """Images (pair, 2) that seeds and their partners agree on, by Gauss-Newton steps from their weighted mean."""
+    """Images (pair, 2) that seeds and their partners agree on, by three Gauss-Newton steps from their weighted mean."""
     paths = images.paths
     pair = np.stack([seed, partner], axis=1)
     weight = np.linalg.inv(images.covariance[pair])
     covariance = np.linalg.inv(weight.sum(axis=1))
     place = np.einsum("hpq,hkqr,hkr->hp", covariance, weight, images.points[pair])
     height_difference = paths.tx[pair, 2] - paths.rx[pair, 2]
-    for _ in range(COMMON_IMAGE_STEPS):
+    for _ in range(3):
         apart = place[:, None] - paths.rx[pair, :2]
         horizontal = np.hypot(apart[..., 0], apart[..., 1])
         toward = apart / horizontal[..., None]

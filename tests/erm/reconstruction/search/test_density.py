@@ -71,7 +71,7 @@ def test_batches_find_the_same_groups_as_one_seed_at_a_time(monkeypatch):
     assert np.mean(required_partners(Images(paths), np.ones(len(paths), dtype=np.int64)) > 1) > 0.5  # dense
     monkeypatch.setattr(greedy, "MIN_BATCH", 1)
     monkeypatch.setattr(greedy, "MAX_BATCH", 1)
-    monkeypatch.setattr(images_module, "QUERY_BATCH", 100)
+    monkeypatch.setattr(images_module, "BATCH_PATHS", 100)
     # taken paths are searched, too, and then left out
     monkeypatch.setattr(Images, "restricted_to_free", lambda self, _: self)
     alone = find_groups(paths, 3)
