@@ -159,7 +159,7 @@ def _matlab(path: Path) -> dict[str, Any]:
 
     try:
         tables: dict[str, Any] = loadmat(path)
-    except (ValueError, TypeError, OSError, NotImplementedError, MatReadError, zlib.error) as error:
+    except (ValueError, TypeError, IndexError, OSError, NotImplementedError, MatReadError, zlib.error) as error:
         raise DataError(f"{path}: not a MATLAB file, or a damaged one ({error}); export it again") from None
     return tables
 

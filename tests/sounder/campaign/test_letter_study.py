@@ -19,6 +19,7 @@ from erm.letter.sweeps import Knob
 from erm.letter.truth import as_table, rays_of
 from sounder.campaign import study
 
+pytestmark = pytest.mark.slow
 QUICK = (Knob("RX spacing", "m", (20.0, 10.0), 10.0, None),)
 
 FEW = {name for names in TABLE_2.values() for name in list(names)[:5]} | {"RX9_L", "RX16_L"}
@@ -93,14 +94,12 @@ def test_every_route_keeps_its_bars_with_ideal_captures(page):
     assert "**missed**" not in text
 
 
-@pytest.mark.slow
 def test_two_runs_give_the_same_numbers(page, tmp_path, monkeypatch):
     monkeypatch.setattr("erm.common.page.FORMATS", ())  # that figures repeat themselves is shown for one of them
     again = run(tmp_path, Ideal(), knobs=QUICK)
     assert again.read_bytes() == page.read_bytes()
 
 
-@pytest.mark.slow
 def test_a_study_that_fails_leaves_no_page_beside_figures_that_are_not_its_own(tmp_path, monkeypatch):
     monkeypatch.setattr("erm.common.page.FORMATS", ("svg",))
     (tmp_path / PAGE).write_text("of an earlier run")
@@ -110,7 +109,6 @@ def test_a_study_that_fails_leaves_no_page_beside_figures_that_are_not_its_own(t
         assert sorted(path.name for path in tmp_path.iterdir()) == left
 
 
-@pytest.mark.slow
 def test_the_corridor_is_as_wide_as_printed_and_seen_from_inside_alone():
     campaign = study.campaign("uma")
     # the ordinates are printed to the centimetre, 65.30 - 50.38
@@ -125,7 +123,6 @@ def test_signs_of_the_printed_errors_keep_their_sizes():
         np.testing.assert_allclose(np.abs(printed_signs()[route]), values)
 
 
-@pytest.mark.slow
 def test_an_error_of_the_length_makes_the_rmse_it_is_fitted_to():
     studied = routes.study(Ideal().campaign("uma"), Ideal())
     for one in scatter(studied):
@@ -136,7 +133,6 @@ def test_an_error_of_the_length_makes_the_rmse_it_is_fitted_to():
         assert one.planar > 0.5  # 27 m of height in 60 to 110 m of length: points behind the face by metres
 
 
-@pytest.mark.slow
 def test_without_the_letters_limits_the_errors_are_those_of_the_components():
     studied = routes.study(Ideal().campaign("uma"), Ideal())
     off, *_, on = routes.limits(studied)

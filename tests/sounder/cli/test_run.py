@@ -128,6 +128,7 @@ def test_what_exists_is_not_made_again(made, capsys):
     assert digest(out) == whole
 
 
+@pytest.mark.slow
 def test_a_figure_that_is_not_younger_than_its_product_is_drawn_again(made, tmp_path):
     product, figures = tmp_path / "RX2.h5", [tmp_path / name for name in ("a.png", "b.png")]
     for path in (product, *figures):
