@@ -141,7 +141,7 @@ except SystemExit as stop:
 seen = 0
 for name in [name for name in sys.modules if name.startswith("sounder.kernels.")]:
     for function in vars(sys.modules[name]).values():
-        if hasattr(function, "signatures"):
+        if hasattr(function, "signatures") and not isinstance(function, type):
             assert len(function.signatures) <= 1, (function, function.signatures)
             seen += len(function.signatures)
 assert seen > 2, seen
