@@ -7,16 +7,26 @@ Start here. Open recordings, process them, reconstruct the map, plot it::
 
     jobs, failures = sounder.gather(["RX1.h5", "RX2.h5"], calibration="back-to-back.h5")
     outcome = sounder.process(jobs, "products")
-    table, complaints = erm.read_mpcs(outcome.products)
+    table, problems = erm.read_mpcs(outcome.products)
     environment, located = erm.reconstruct(erm.select(table))
     erm.plot_map(environment, table=located)
 
-The same in one call, with a report: ``run_campaign(load_campaign("campaign.toml"))``.
+``run_campaign("campaign.toml")`` does all of this and writes a report. One position, stage by stage, in memory, here
+with the recording of two paths that comes with the package:
 
-One position, stage by stage, in memory: ``open_recordings`` gives a ``Recording``; ``calibrate`` makes its
-de-embedding filter from a ``BackToBack``; ``impulse_responses``, ``daps`` and ``extract_mpcs`` follow one another.
-``simulate`` makes recordings of a scene whose paths are known, ``score`` compares MPCs with these paths, and
-``cramer_rao`` says how small the errors can be.
+>>> import sounder
+>>> from sounder import shipped
+>>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
+>>> [job], failures = sounder.gather(recordings, calibration=b2b)
+>>> deembedding = sounder.calibrate(job.b2b, job.recording)
+>>> cir, problems = sounder.impulse_responses(job.recording, deembedding)
+>>> spectrum = sounder.daps(cir, job.recording.sounder)
+>>> mpcs = sounder.extract_mpcs(cir, deembedding, job.recording.sounder)
+>>> mpcs.sizes["mpc"]
+2
+
+``simulate`` makes recordings of a scene with known paths, ``score`` compares MPCs with these paths, and ``cramer_rao``
+gives the smallest standard deviations that any estimator can reach.
 
 A file that cannot be used raises ``DataError`` with one line: the file, what is there, what was expected, what to do.
 Each name is imported when it is first used, so that ``import sounder`` is fast.

@@ -54,6 +54,17 @@ class Table(BaseModel):
         ------
         DataError
             A key is unknown or missing, or a value does not fit. The message is one line and names the key.
+
+        Examples
+        --------
+        >>> class Link(Table):
+        ...     distance: Positive
+        >>> Link.from_tables({"distance": -1.0}, "link.toml")
+        Traceback (most recent call last):
+        erm.common.errors.DataError: link.toml: distance is -1.0; expected more than 0
+        >>> Link.from_tables({"distanse": 1.0}, "link.toml")
+        Traceback (most recent call last):
+        erm.common.errors.DataError: link.toml: distance: missing; distanse: unknown key; did you mean distance?
         """
         try:
             return cls.model_validate(tables, context=file)

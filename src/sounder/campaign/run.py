@@ -75,15 +75,15 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
     page.remove_outdated()
     for path in outputs:
         clear_leftovers(path)
-    asked = campaign.processing
+    processing = campaign.processing
     with console.progress("processing positions", len(jobs)) as advance:
         outcome = process(
             jobs,
             out / PRODUCTS,
-            options=asked.options,
-            threads=asked.threads,
-            workers=asked.workers,
-            scheduler=asked.scheduler,
+            options=processing.options,
+            threads=processing.threads,
+            workers=processing.workers,
+            scheduler=processing.scheduler,
             resume=True,
             progress=advance,
         )
@@ -136,18 +136,18 @@ def _check_outputs(campaign: Campaign, out: Path) -> NDArray[Any] | None:
 
 def _make_map(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -> tuple[Environment, xr.Dataset]:
     """Reconstruct the map by the options of the campaign, and georeference it."""
-    asked = campaign.map
+    options = campaign.map
     environment, located = make_map(
         table,
         history="sounder run",
         inputs=products,
-        threshold=asked.threshold,
-        max_reflection_loss=asked.max_loss,
-        min_support=asked.min_support,
-        ground_height=asked.ground,
-        rx_std=asked.rx_std,
+        threshold=options.threshold,
+        max_reflection_loss=options.max_loss,
+        min_support=options.min_support,
+        ground_height=options.ground,
+        rx_std=options.rx_std,
     )
-    return replace(environment, georeference=asked.georeference), located
+    return replace(environment, georeference=options.georeference), located
 
 
 def _draw(result: CampaignResult) -> list[str]:
