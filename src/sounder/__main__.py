@@ -1,4 +1,4 @@
-"""Entry point of ``sounder``, which loads nothing before it can be interrupted."""
+"""Entry point of ``sounder``. It can be interrupted before it loads other modules."""
 
 from erm.common.launch import launch
 

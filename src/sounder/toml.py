@@ -1,4 +1,4 @@
-"""TOML files: how they are read, what all their tables have in common, and one line for what is wrong with them."""
+"""TOML files: reader, base class of all tables, and one-line error messages."""
 
 import tomllib
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Start a command line so that Ctrl-C works while it is loaded, too."""
+"""Start a command line so that Ctrl-C also works while it is loading."""
 
 import sys
 from importlib import import_module

@@ -38,7 +38,7 @@ def completeness(
     """Share of the visible outline that is on a map, by the number of receivers that see it.
 
     A receiver sees a piece of outline if no other part of the outline crosses the line between them in the plan view;
-    heights of outlines are seldom known. A visible piece need not reflect any path.
+    heights of outlines are rarely known. A visible piece does not always reflect a path.
 
     Parameters
     ----------

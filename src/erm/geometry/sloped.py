@@ -1,10 +1,10 @@
 r"""A single reflection off a plane of any slope, located by delay, azimuth and elevation together.
 
-`erm.geometry.vertical` takes faces for vertical and needs no elevation. With a measured elevation the picture is the
+`erm.geometry.vertical` assumes vertical faces and needs no elevation. With a measured elevation the geometry is the
 same in space: ``u`` is the unit vector toward which the receiver looks to see the path, ``d = rx - tx``, and the mirror
 image of the transmitter is ``VA = rx + L u`` with the slant length ``L``. The face is the plane halfway between TX and
-VA, and the reflection point is where the ray from RX to VA crosses it. This is also the point of a single diffuse
-reflection, although no mirror is there.
+VA, and the reflection point is where the ray from RX to VA crosses it. A single diffuse
+reflection comes from the same point, although there is no mirror.
 
 Results are NaN where the path is not longer than the direct one, or the elevation is unknown.
 

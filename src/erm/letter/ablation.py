@@ -1,4 +1,4 @@
-"""What keeps the MPCs of an instrument from a better map: one cause is removed at a time.
+"""Causes of map errors in the MPCs of an instrument: one cause is removed at a time (ablation).
 
 The experiments need no new captures. The same MPCs are reconstructed again
 

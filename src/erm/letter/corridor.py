@@ -12,8 +12,8 @@ from erm.letter.truth import is_single_wall_bounce, rays_of
 from erm.maps.environment import Environment
 
 ROUTE = "Route 2"
-INSIDE = (70.0, -58.0, 4.0)  # m; in the corridor, east of the route. Chosen; not derived
-CLOSER = Change(power=-15.0)  # dB; at 14 to 22 m the receiver then gets no more power than on the street
+TX_INSIDE = (70.0, -58.0, 4.0)  # m; in the corridor, east of the route. Chosen; not derived
+REDUCED_POWER = Change(power=-15.0)  # dB; at 14 to 22 m the receiver then gets no more power than on the street
 EAST, HALF_LENGTH = 50.0, 15.0  # m; easting of the stretch of the corridor whose walls count, and half its length
 MAX_OFFSET, MAX_ANGLE = 1.0, 5.0  # m, degree; a wall of the map within these is the letter's wall
 SIDES = ("teaching building", "south corridor wall")
@@ -22,8 +22,8 @@ PRINTED_WIDTH = published.CORRIDOR_WALLS[SIDES[1]] - published.CORRIDOR_WALLS[SI
 
 def from_inside(campaign: Campaign, captures: Captures, *, progress: Callable[[], None] | None = None) -> Study:
     """Study route 2 again with a transmitter in the corridor, where both walls face it."""
-    links = [replace(link, tx=INSIDE) for link in campaign.links if link.name in published.TABLE_2[ROUTE]]
-    return study(campaign.at(links), captures, CLOSER, progress=progress)
+    links = [replace(link, tx=TX_INSIDE) for link in campaign.links if link.name in published.TABLE_2[ROUTE]]
+    return study(campaign.at(links), captures, REDUCED_POWER, progress=progress)
 
 
 def walls(environment: Environment) -> dict[str, float]:

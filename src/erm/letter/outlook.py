@@ -7,7 +7,7 @@ from erm.letter.figures import plot_predictions, plot_sweeps
 from erm.letter.outcome import ON_WALL
 from erm.letter.prediction import SHIFT, Predicted
 from erm.letter.replicates import SIGNIFICANT, is_significant, mean, with_error
-from erm.letter.sweeps import SPACING, Gain, Setback, Sweep, gains, setbacks
+from erm.letter.sweeps import SPACING, CompletenessDrop, Gain, Sweep, completeness_drops, gains
 
 MEASURES = {"completeness": "completeness", "point_error": "RP error", "wall_error": "wall error"}
 
@@ -48,8 +48,8 @@ def future_work(page: Page, sweeps: Sequence[Sweep]) -> None:
         ],
         [
             [
-                one.knob.name,
-                f"{value:g} {one.knob.unit}",
+                one.parameter.name,
+                f"{value:g} {one.parameter.unit}",
                 *(f"{mean([getattr(o, name) for o in row]):.0f}" for name in ("positions", "snr", "mpcs", "stray")),
                 f"{mean([o.measured for o in row]):.0f} of {mean([o.available for o in row]):.0f}",
                 with_error([o.completeness for o in row], percent=True),
@@ -60,7 +60,7 @@ def future_work(page: Page, sweeps: Sequence[Sweep]) -> None:
                 ),
             ]
             for one in sweeps
-            for value, row in zip(one.knob.values, one.outcomes, strict=True)
+            for value, row in zip(one.parameter.values, one.outcomes, strict=True)
         ],
     )
     page.figure(
@@ -103,17 +103,17 @@ def _why(page: Page, sweeps: Sequence[Sweep]) -> None:
         ],
         [
             [
-                one.knob.name,
-                f"{value:g} {one.knob.unit}",
+                one.parameter.name,
+                f"{value:g} {one.parameter.unit}",
                 *(with_error([getattr(o, f) for o in row], percent=True) for f in ("completeness", *EXPERIMENTS)),
                 *(with_error([getattr(o, f) for o in row]) for f in ("wall_error", "wall_corrected")),
                 f"{mean([o.excess for o in row]):.1f}",
             ]
             for one in sweeps
-            for value, row in zip(one.knob.values, one.outcomes, strict=True)
+            for value, row in zip(one.parameter.values, one.outcomes, strict=True)
         ],
     )
-    found = setbacks(sweeps)
+    found = completeness_drops(sweeps)
     if not found:
         page.add(
             f"No step of more effort lowers completeness by more than {SIGNIFICANT:g} standard errors: the falls in "
@@ -127,7 +127,7 @@ def _why(page: Page, sweeps: Sequence[Sweep]) -> None:
     )
 
 
-def _describe(step: Setback) -> str:
+def _describe(step: CompletenessDrop) -> str:
     lost = step.lost["completeness"]
     gone = [words for field, words in EXPERIMENTS.items() if not _remains(step.lost[field])]
     values = ", ".join(
@@ -135,7 +135,7 @@ def _describe(step: Setback) -> str:
     )
     end = f"There is no loss {_listed(gone)}." if gone else "The loss remains in all of these: less was measured."
     return (
-        f"{step.knob.name} from {step.former:g} to {step.later:g} {step.knob.unit}: {100 * lost[0]:+.0f} ± "
+        f"{step.parameter.name} from {step.former:g} to {step.later:g} {step.parameter.unit}: {100 * lost[0]:+.0f} ± "
         f"{100 * lost[1]:.0f} percentage points; {values}. {end}"
     )
 
@@ -150,12 +150,14 @@ def _best_gain(sweeps: Sequence[Sweep], field: str, name: str) -> str:
     if first.mean <= level:
         return f"{name}: no setting improves it."
     rivals = [
-        one.knob.name
+        one.parameter.name
         for one in others
         if not is_significant((first.mean - one.mean, (first.error**2 + one.error**2) ** 0.5))
     ]
     tie = f" (within its error the same as {_listed(rivals)})" if rivals else ""
-    return f"{name}: **{first.knob.name}** of {first.value:g} {first.knob.unit}, {_brought(first, field)}{tie}."
+    return (
+        f"{name}: **{first.parameter.name}** of {first.value:g} {first.parameter.unit}, {_brought(first, field)}{tie}."
+    )
 
 
 def _listed(names: Sequence[str]) -> str:

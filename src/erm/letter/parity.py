@@ -1,4 +1,4 @@
-"""The letter's numbers, one per row: as printed, from its printed data, by its method here, and by our method."""
+"""The letter's numbers, one per row: as printed, from its printed data, by its method, and by our method."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -75,7 +75,7 @@ class Predicted:
         return columns([self.replicates], field)[0]
 
 
-def beside(campaign: Campaign, shift: Sequence[float] = SHIFT) -> Campaign:
+def shifted_route(campaign: Campaign, shift: Sequence[float] = SHIFT) -> Campaign:
     """Return the campaign along its route shifted by ``shift`` [m]."""
     moved = [type(link)(link.name, link.tx, _shifted(link.rx, shift)) for link in campaign.links]
     return campaign.at(moved)
@@ -103,7 +103,7 @@ def predict(
     found = []
     for count in counts:
         made = []
-        for chosen in choices(len(measured.links), count, replicates):
+        for chosen in choose_positions(len(measured.links), count, replicates):
             names = [measured.links[i].name for i in chosen]
             part = table.isel(mpc=np.flatnonzero(np.isin(table["position"].values, names)))
             made.append(evaluate_prediction(reconstruct(select(part))[0], route, truth=truth))
@@ -111,7 +111,7 @@ def predict(
     return found
 
 
-def choices(available: int, count: int, replicates: int) -> list[list[int]]:
+def choose_positions(available: int, count: int, replicates: int) -> list[list[int]]:
     """Choose ``count`` of the available positions: evenly spaced first, then one at random in each stretch."""
     if count >= available:
         return [list(range(available))]
@@ -135,7 +135,7 @@ def evaluate_prediction(
     """
     truth = reflected(route.environment, route) if truth is None else truth
     true, hit, false, level = _scores(truth, reflected(environment, route))
-    *_, false_cut, _ = _scores(truth, reflected(cut_back(environment, standing(route.environment)), route))
+    *_, false_cut, _ = _scores(truth, reflected(cut_back(environment, faces_at_street_level(route.environment)), route))
     error = 10 * np.log10(np.maximum(level / true, MIN_POWER))
     return Prediction(
         walls=environment.reflectors.sizes["reflector"],
@@ -167,7 +167,7 @@ def cut_back(environment: Environment, faces: FloatArray) -> Environment:
     return replace(environment, reflectors=moved)
 
 
-def standing(environment: Environment) -> FloatArray:
+def faces_at_street_level(environment: Environment) -> FloatArray:
     """Faces (segment, 2 ends, 2) that reach down to street level [m]; a face above a passage does not."""
     table = environment.reflectors
     return table["end_points"].values[(table["kind"].values == "wall") & (table["base"].values < MAX_BASE)]

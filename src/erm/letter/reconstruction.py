@@ -79,7 +79,8 @@ def _corridor(page: Page, inside: routes.Study, outline: FloatArray) -> None:
     page.add(
         "The corridor's north wall faces south, away from TX1. From TX1 it gives no single bounce, so it cannot be on "
         "the map. To show that this is the only reason, the positions of route 2 are measured again with the "
-        f"transmitter in the corridor and {-corridor.CLOSER.power:g} dB less power, because it is nearer; {seen}."
+        f"transmitter in the corridor and {-corridor.REDUCED_POWER.power:g} dB less power, because it is nearer; "
+        f"{seen}."
     )
     axes = plot_map(inside.environment, table=inside.table, outline=outline, names=reflector_names(inside.environment))
     found = corridor.walls(inside.environment)

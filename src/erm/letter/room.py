@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 SCENE = "lroom"
 SMALL = 0.02  # m; the letter gives the share of smaller errors
 BANDWIDTH = 1.2e9  # Hz; of the letter
-HIGHER = 2  # bounces of the rays of higher order
+HIGHER_ORDER = 2  # bounces of the rays of higher order
 MARGIN = 2.0  # dB over the loss of a wall at normal incidence, for errors of the gain. Chosen; not derived
 
 
@@ -130,7 +130,7 @@ def switches(campaign: Campaign) -> list[Switched]:
     The rays of higher order are those that the letter's selection accepts: the strongest of its cluster, with no more
     loss than a single bounce can have.
     """
-    rays = rays_of(campaign.to_order(HIGHER))
+    rays = rays_of(campaign.to_order(HIGHER_ORDER))
     table = as_table(campaign, rays)
     single = is_single_wall_bounce(campaign, rays)
     accepted = select(table, threshold="fixed", max_reflection_loss=largest_loss(campaign))["accepted"].values

@@ -25,7 +25,9 @@ from erm.letter.captures import Cached, Campaign, Captures, Change
 PAGE = "letter.md"
 
 
-def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.KNOBS) -> Path:
+def run(
+    out: Path, captures: Captures, *, parameters: Sequence[sweeps.SweptParameter] = sweeps.SWEPT_PARAMETERS
+) -> Path:
     """Repeat the letter's studies and write the page.
 
     Parameters
@@ -35,7 +37,7 @@ def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.
         that follow from the printed points alone (``table_3.csv``, ``reflection_points.csv``).
     captures : Captures
         The instrument.
-    knobs : sequence of Knob
+    parameters : sequence of SweptParameter
         Settings to sweep.
 
     Returns
@@ -69,17 +71,21 @@ def run(out: Path, captures: Captures, *, knobs: Sequence[sweeps.Knob] = sweeps.
     spatial.daps(page, studied, captures)
     reconstruction.reconstruction(page, studied, inside)
     errors.errors(page, studied, by_route)
-    _outlook(page, measurement, Cached(captures), knobs)
+    _outlook(page, measurement, Cached(captures), parameters)
     return page.write()
 
 
-def _outlook(page: Page, campaign: Campaign, captures: Captures, knobs: Sequence[sweeps.Knob]) -> None:
+def _outlook(page: Page, campaign: Campaign, captures: Captures, parameters: Sequence[sweeps.SweptParameter]) -> None:
     """Write the sections on sweeps and prediction."""
-    with console.progress("sweeps", len(sweeps.OFFSETS) * sum(len(knob.values) for knob in knobs)) as advance:
-        outlook.future_work(page, sweeps.sweep(campaign, captures, knobs, offsets=sweeps.OFFSETS, progress=advance))
+    with console.progress(
+        "sweeps", len(sweeps.OFFSETS) * sum(len(parameter.values) for parameter in parameters)
+    ) as advance:
+        outlook.future_work(
+            page, sweeps.sweep(campaign, captures, parameters, offsets=sweeps.OFFSETS, progress=advance)
+        )
     dense = sweeps.along(campaign, sweeps.DENSEST, sweeps.LINES[:1])
     mpcs = captures.measure(dense).mpcs
-    route = prediction.beside(dense)
+    route = prediction.shifted_route(dense)
     outlook.motivation(page, prediction.predict(mpcs, dense, route, prediction.COUNTS), len(route.links))
 
 

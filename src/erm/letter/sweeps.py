@@ -24,7 +24,7 @@ OFFSETS = (0.0, 6.0, 13.0)
 
 
 @dataclass(frozen=True)
-class Knob:
+class SweptParameter:
     """A setting of the instrument or the positions, and its values.
 
     Parameters
@@ -45,13 +45,13 @@ class Knob:
     change: Callable[[float], Change] | None
 
 
-KNOBS = (
-    Knob("RX spacing", "m", (20.0, 10.0, 5.0, 2.5), SPACING, None),
-    Knob("azimuth step", "°", (20.0, 10.0, 5.0, 2.5), 10.0, lambda value: Change(azimuth_step=value)),
-    Knob("HPBW", "°", (40.0, 20.0, 10.0, 5.0), 10.0, lambda value: Change(beamwidth=value)),
-    Knob("HPBW = step", "°", (10.0, 5.0), 10.0, lambda value: Change(beamwidth=value, azimuth_step=value)),
-    Knob("bandwidth", "GHz", (0.3, 0.6, 1.2, 2.4, 4.8), 1.2, lambda value: Change(bandwidth=1e9 * value)),
-    Knob("SNR change", "dB", (-30.0, -20.0, -10.0, 0.0, 10.0), 0.0, lambda value: Change(power=value)),
+SWEPT_PARAMETERS = (
+    SweptParameter("RX spacing", "m", (20.0, 10.0, 5.0, 2.5), SPACING, None),
+    SweptParameter("azimuth step", "°", (20.0, 10.0, 5.0, 2.5), 10.0, lambda value: Change(azimuth_step=value)),
+    SweptParameter("HPBW", "°", (40.0, 20.0, 10.0, 5.0), 10.0, lambda value: Change(beamwidth=value)),
+    SweptParameter("HPBW = step", "°", (10.0, 5.0), 10.0, lambda value: Change(beamwidth=value, azimuth_step=value)),
+    SweptParameter("bandwidth", "GHz", (0.3, 0.6, 1.2, 2.4, 4.8), 1.2, lambda value: Change(bandwidth=1e9 * value)),
+    SweptParameter("SNR change", "dB", (-30.0, -20.0, -10.0, 0.0, 10.0), 0.0, lambda value: Change(power=value)),
 )
 
 
@@ -61,12 +61,12 @@ class Sweep:
 
     Parameters
     ----------
-    knob : Knob
+    parameter : SweptParameter
     outcomes : tuple (value) of tuple (replicate) of Outcome
         The replicates of all values have the same positions as far as the spacing allows.
     """
 
-    knob: Knob
+    parameter: SweptParameter
     outcomes: tuple[tuple[Outcome, ...], ...]
 
     def of(self, field: str) -> FloatArray:
@@ -84,7 +84,7 @@ class Sweep:
     @property
     def usual(self) -> int:
         """Index of the letter's value."""
-        return self.knob.values.index(self.knob.usual)
+        return self.parameter.values.index(self.parameter.usual)
 
 
 def along(
@@ -108,7 +108,7 @@ def along(
 def sweep(
     campaign: Campaign,
     captures: Captures,
-    knobs: Sequence[Knob] = KNOBS,
+    parameters: Sequence[SweptParameter] = SWEPT_PARAMETERS,
     *,
     offsets: Sequence[float] = OFFSETS,
     progress: Callable[[], None] | None = None,
@@ -127,13 +127,13 @@ def sweep(
     reference = true_points(along(campaign, DENSEST))
     known: dict[tuple[float, float, Change], tuple[Outcome, Located]] = {}
     sweeps = []
-    for knob in knobs:
+    for parameter in parameters:
         rows: list[list[tuple[Outcome, Located]]] = []
-        for value in knob.values:
+        for value in parameter.values:
             rows.append([])
             for offset in offsets:
-                spacing, change = (value, UNCHANGED) if knob.change is None else (SPACING, knob.change(value))
-                if value == knob.usual:
+                spacing, change = (value, UNCHANGED) if parameter.change is None else (SPACING, parameter.change(value))
+                if value == parameter.usual:
                     spacing, change = SPACING, UNCHANGED  # the shipped instrument
                 setting = (spacing, offset, change)
                 if setting not in known:
@@ -142,7 +142,7 @@ def sweep(
                 rows[-1].append(known[setting])
                 if progress is not None:
                     progress()
-        sweeps.append(Sweep(knob, _with_shared(rows)))
+        sweeps.append(Sweep(parameter, _with_shared(rows)))
     return sweeps
 
 
@@ -164,14 +164,14 @@ class Gain:
 
     Parameters
     ----------
-    knob : Knob
+    parameter : SweptParameter
     value : float
         Value with the improvement; the letter's value if none is better.
     mean, error : float
         Over the replicates: the increase of completeness, or the factor by which an error shrinks.
     """
 
-    knob: Knob
+    parameter: SweptParameter
     value: float
     mean: float
     error: float
@@ -183,40 +183,42 @@ def gains(sweeps: Sequence[Sweep], field: str) -> list[Gain]:
     for one in sweeps:
         values, usual = one.of(field), one.of(field)[one.usual]
         steps = []
-        for value, row in zip(one.knob.values[one.usual :], values[one.usual :], strict=True):
+        for value, row in zip(one.parameter.values[one.usual :], values[one.usual :], strict=True):
             gained = row - usual if field == "completeness" else usual / row
-            steps.append(Gain(one.knob, value, mean(gained), standard_error(gained)))
+            steps.append(Gain(one.parameter, value, mean(gained), standard_error(gained)))
         found.append(max(steps, key=lambda step: -np.inf if np.isnan(step.mean) else step.mean))
     return sorted(found, key=lambda gain: gain.mean, reverse=True)
 
 
 @dataclass(frozen=True)
-class Setback:
+class CompletenessDrop:
     """A step of more effort after which a map is significantly less complete.
 
     Parameters
     ----------
-    knob : Knob
+    parameter : SweptParameter
     former, later : float
         Values of the setting before and after the step.
     lost : dict of str to tuple of float
         Mean difference and standard error by field: ``completeness``, ``of_explained``, ``of_corrected``, ``of_exact``.
     """
 
-    knob: Knob
+    parameter: SweptParameter
     former: float
     later: float
     lost: dict[str, tuple[float, float]]
 
 
-def setbacks(sweeps: Sequence[Sweep]) -> list[Setback]:
+def completeness_drops(sweeps: Sequence[Sweep]) -> list[CompletenessDrop]:
     """Steps of more effort, of all settings, after which completeness falls by more than its scatter."""
     found = []
     fields = ("completeness", "of_explained", "of_corrected", "of_exact")
     for one in sweeps:
         values = {field: one.of(field) for field in fields}
-        for i in range(len(one.knob.values) - 1):
+        for i in range(len(one.parameter.values) - 1):
             lost = {field: difference(rows[i + 1], rows[i]) for field, rows in values.items()}
             if lost["completeness"][0] < 0 and is_significant(lost["completeness"]):
-                found.append(Setback(one.knob, one.knob.values[i], one.knob.values[i + 1], lost))
+                found.append(
+                    CompletenessDrop(one.parameter, one.parameter.values[i], one.parameter.values[i + 1], lost)
+                )
     return found

@@ -39,8 +39,8 @@ def read_outline(
         Use features with this ``z_slice_m`` [m]; default: the lowest of the file. Features without the property are
         always used.
     min_visible : float
-        Use features of which receivers see more than this share (``visible_from_any_rx_frac``). Features without the
-        property are always used.
+        Use a feature only if receivers see more than this share of it (``visible_from_any_rx_frac``). Features without
+        the property are always used.
     georeference : Georeference, optional
         Local frame of the map, for outlines in longitude and latitude; default: the frame in the file.
 

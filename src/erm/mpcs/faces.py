@@ -45,7 +45,7 @@ def with_faces(table: "xr.Dataset") -> "xr.Dataset":
         "grazing": (
             ~(excess > SIGMAS * std[0]),
             "1",
-            "path hardly longer than the direct one: the errors of its face mean little",
+            "path hardly longer than the direct one: the errors of its face are unreliable",
         ),
     }
     return table.assign(

@@ -1,4 +1,4 @@
-"""Options of the selection of MPCs, apart from it: command lines need them before they load numpy."""
+"""Options of the selection of MPCs, in a separate file: command lines need them before they load numpy."""
 
 from typing import Literal
 

@@ -99,7 +99,7 @@ def select(
           covariances ``point_covariance`` (mpc, xyz, xyz_2) [m2] and ``line_covariance`` (mpc, parameter, parameter_2)
           of (normal, offset). NaN where the path is not longer than the direct one.
         - ``tilt``, ``tilt_std`` [degree] of a face of any slope (`erm.geometry.sloped`).
-        - ``grazing``: whether the path is hardly longer than the direct one, so that these errors mean little.
+        - ``grazing``: whether the path is hardly longer than the direct one, so that these errors are unreliable.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""From selected MPCs to a map: find common images, tell walls from chains of reflections, measure their extents."""
+"""From selected MPCs to a map: find common images, separate walls from chains of reflections, measure extents."""
 
 from itertools import compress
 from typing import TYPE_CHECKING

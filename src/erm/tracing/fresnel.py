@@ -86,7 +86,7 @@ def reflect_field(
 
     Notes
     -----
-    At exactly normal incidence ``s`` may be any vector across ``n``, as both polarisations are reflected alike.
+    At exactly normal incidence ``s`` may be any vector across ``n``, as both polarisations are reflected equally.
     """
     across = np.cross(incident, normal)
     size = np.linalg.norm(across, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Campaign file (TOML): which recordings there are, how to process them, and what to make of them."""
+"""Campaign file (TOML): recordings, processing options, map options and figures."""
 
 import glob
 import re

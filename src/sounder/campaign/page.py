@@ -1,4 +1,4 @@
-"""Report of a campaign, one page: the map with its errors, the score, the set-up, each position, and what failed."""
+"""Report of a campaign, one page: the map with its errors, the score, the set-up, each position, and the failures."""
 
 import json
 import os

@@ -97,9 +97,8 @@ def impulse_responses(
 ) -> tuple[xr.Dataset, list[Problem]]:
     """Correlate, average and de-embed the captures of every direction.
 
-    Captures are read in blocks of about :data:`BLOCK_BYTES`, so that memory does not grow with the recording. One
-    thread averages a direction from its first snapshot to its last, so that the result does not depend on the number of
-    threads, to the last bit.
+    Captures are read in blocks of about :data:`BLOCK_BYTES`, so memory does not grow with the recording. One thread
+    averages all snapshots of a direction in order, so the result is the same to the last bit for any number of threads.
 
     Parameters
     ----------

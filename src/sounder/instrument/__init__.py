@@ -1,1 +1,1 @@
-"""What the sounder is: its description (TOML), waveform, antenna patterns and touchstone files."""
+"""The instrument: its description (TOML), waveform, antenna patterns and touchstone files."""

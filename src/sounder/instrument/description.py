@@ -1,4 +1,4 @@
-"""The sounder description: what the instrument is, read from a TOML file, validated and frozen."""
+"""The sounder description: properties of the instrument, read from a TOML file and validated. It cannot be changed."""
 
 from itertools import pairwise
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The m-sequence: its chips, its sampled template, and which one a capture holds."""
+"""The m-sequence: its chips, its sampled template, and how to identify it in a capture."""
 
 from dataclasses import dataclass
 from functools import cache

@@ -41,12 +41,13 @@ def extract_mpcs(
 ) -> xr.Dataset:
     """Extract the MPCs of a position.
 
-    The strongest sample of all beams is refined to a path: its delay, and its magnitudes in the beam and the eight
-    around it, by the matched filter of the calibrated pulse; its angles and amplitude by fitting the antenna's
-    pattern to these magnitudes. Then the path is taken out of every beam, sidelobes in delay and angle with it, and
-    the search starts again, until nothing exceeds the threshold. Paths that share samples are fitted again in turn.
-    Where one path does not explain the beams at its delay, but two do, there are two (:mod:`sounder.mpc.two_paths`).
-    Paths whose pulses overlap are fitted once more, together, if one phase of each explains all beams
+    The search starts at the strongest sample of all beams. The matched filter of the calibrated pulse gives the delay
+    of this path, and its magnitudes in the beam and in the eight beams around it. The antenna pattern is fitted to
+    these magnitudes and gives the angles and the amplitude. Then the path is subtracted from every beam, with its
+    sidelobes in delay and angle. The search is repeated until nothing exceeds the threshold. Paths that share samples
+    are fitted again, one after another. If two paths explain the beams at a delay, but one path does not, it becomes
+    two paths (:mod:`sounder.mpc.two_paths`).
+    Paths whose pulses overlap are fitted once more, together, if one phase per path explains all beams
     (:mod:`sounder.mpc.joint`). For the errors see :func:`sounder.mpc.table.tabulate`; those of one path alone are up
     to 1.16 times the Cramer-Rao bound.
 

@@ -1,4 +1,4 @@
-"""What the beams of a position hold, and what they see a path with: built once, read by every step of an extraction."""
+"""Data of one scan for the extraction: samples, noise and pattern of all beams. Built once, read by every step."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -113,10 +113,10 @@ def score(
 ) -> Score:
     """Match MPCs to true paths, one to one, and compare them.
 
-    In each position the required paths are assigned to MPCs first, so that a weak neighbour takes none from them. Then
-    the other paths are assigned to the remaining MPCs: those need not be found, but finding them is no error. Both
-    times the assignment within the gates has the most pairs, and of these the least sum of squared distances, with each
-    gate as unit.
+    In each position the required paths are assigned to MPCs first, so that no weak neighbour takes their MPCs. Then
+    the other paths are assigned to the remaining MPCs. These paths may be missed, and an MPC that matches one is not
+    false. Each assignment has the largest number of pairs within the gates. Among such assignments it has the least
+    sum of squared distances, in units of the gates.
 
     Parameters
     ----------

@@ -27,16 +27,18 @@ from sounder.mpc.whitened_samples import BeamSamples
 
 Real = NDArray[np.float64]
 
-DRAWN = np.array([path * PARAMETERS + parameter for path in range(2) for parameter in (AZIMUTH, ELEVATION, LEVEL)])
+DRAWN_PARAMETERS = np.array(
+    [path * PARAMETERS + parameter for path in range(2) for parameter in (AZIMUTH, ELEVATION, LEVEL)]
+)
 """Parameters that are drawn. Delays depend on none of them."""
 DELAYS = np.array([DELAY, PARAMETERS + DELAY])
-DRAWS = 256
+DRAWS_PER_ROUND = 256
 """Draws in a round; chosen, not derived."""
-ROUNDS = 3
+DRAW_ROUNDS = 3
 """Rounds of draws; chosen, not derived."""
-FREEDOM = 5.0
+DEGREES_OF_FREEDOM = 5.0
 """Degrees of freedom of the t distributions that are drawn from: their tails are longer than a normal one's."""
-WIDENING = 2.0
+INITIAL_WIDENING = 2.0
 """Standard deviations of the first distributions, over those of the fits."""
 MAX_CONCENTRATION = 0.9
 """Upper limit of the sum of squared weights in the correction for few effective draws."""
@@ -62,12 +64,12 @@ def posterior(
     """
     rng = np.random.default_rng(0)
     flat = mean.reshape(-1, 2 * PARAMETERS)
-    drawn_block = covariance[:, DRAWN[:, None], DRAWN]
-    proposals = [(flat[:, DRAWN], WIDENING**2 * drawn_block, 0.7 * share + 0.3 / share.size)]
+    drawn_block = covariance[:, DRAWN_PARAMETERS[:, None], DRAWN_PARAMETERS]
+    proposals = [(flat[:, DRAWN_PARAMETERS], INITIAL_WIDENING**2 * drawn_block, 0.7 * share + 0.3 / share.size)]
     delay = share @ mean[:, :, DELAY]
     within = np.einsum("s,sij->ij", share, drawn_block)
-    drawn, likelihood = np.zeros((0, DRAWN.size)), np.zeros(0)
-    for _ in range(ROUNDS):
+    drawn, likelihood = np.zeros((0, DRAWN_PARAMETERS.size)), np.zeros(0)
+    for _ in range(DRAW_ROUNDS):
         new = _draw(*proposals[-1], rng)
         drawn = np.concatenate([drawn, new])
         likelihood = np.concatenate([likelihood, _log_likelihood(new.reshape(-1, 2, 3), delay, bounds, beams, scan)])
@@ -82,18 +84,18 @@ def posterior(
     paths = (share @ flat).reshape(2, PARAMETERS)
     deviation = flat - share @ flat
     total = np.einsum("s,sij->ij", share, covariance) + (deviation * share[:, None]).T @ deviation
-    paths.reshape(-1)[DRAWN] = middle
-    total[DRAWN[:, None], DRAWN] = spread
-    total[DELAYS[:, None], DRAWN] = total[DRAWN[:, None], DELAYS] = 0.0
+    paths.reshape(-1)[DRAWN_PARAMETERS] = middle
+    total[DRAWN_PARAMETERS[:, None], DRAWN_PARAMETERS] = spread
+    total[DELAYS[:, None], DRAWN_PARAMETERS] = total[DRAWN_PARAMETERS[:, None], DELAYS] = 0.0
     return paths, total
 
 
 def _draw(middle: Real, covariance: Real, share: Real, rng: np.random.Generator) -> Real:
     """Draws (draw, parameter) from a mixture of t distributions."""
-    component = rng.choice(share.size, DRAWS, p=share / share.sum())
+    component = rng.choice(share.size, DRAWS_PER_ROUND, p=share / share.sum())
     root = np.linalg.cholesky(covariance)[component]
-    scale = np.sqrt(rng.chisquare(FREEDOM, DRAWS) / FREEDOM)
-    normal = rng.standard_normal((DRAWS, DRAWN.size))
+    scale = np.sqrt(rng.chisquare(DEGREES_OF_FREEDOM, DRAWS_PER_ROUND) / DEGREES_OF_FREEDOM)
+    normal = rng.standard_normal((DRAWS_PER_ROUND, DRAWN_PARAMETERS.size))
     drawn: Real = middle[component] + np.einsum("nij,nj->ni", root, normal) / scale[:, None]
     return drawn
 
@@ -102,7 +104,9 @@ def _log_density(drawn: Real, middle: Real, covariance: Real, share: Real) -> Re
     """Logarithm of the density (draw,) of such a mixture, up to a constant."""
     deviation = drawn[:, None] - middle
     square = np.einsum("nki,kij,nkj->nk", deviation, np.linalg.inv(covariance), deviation)
-    level = -0.5 * np.linalg.slogdet(covariance)[1] - (FREEDOM + DRAWN.size) / 2 * np.log1p(square / FREEDOM)
+    level = -0.5 * np.linalg.slogdet(covariance)[1] - (DEGREES_OF_FREEDOM + DRAWN_PARAMETERS.size) / 2 * np.log1p(
+        square / DEGREES_OF_FREEDOM
+    )
     density: Real = np.logaddexp.reduce(level + np.log(share / share.sum()), axis=1)
     return density
 

@@ -1,4 +1,4 @@
-"""From recordings to products. Each position is processed on its own: a failure costs one position."""
+"""From recordings to products. Each position is processed separately: a failure affects only its position."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What a recording or a back-to-back recording holds and whether it is healthy, as labelled lines."""
+"""Content and data quality of a recording or a back-to-back recording, as labelled lines."""
 
 from collections.abc import Sequence
 

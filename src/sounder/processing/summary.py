@@ -1,4 +1,4 @@
-"""What a file holds and whether it is healthy, as labelled lines.
+"""Content and data quality of a file, as labelled lines.
 
 Products and maps are read with h5py alone: `sounder info` must not wait for the libraries that made them.
 """

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from erm.letter.captures import Campaign, Link
-from erm.letter.prediction import MIN_POWER, beside, choices, cut_back, evaluate_prediction, predict
+from erm.letter.prediction import (
+    MIN_POWER,
+    choose_positions,
+    cut_back,
+    evaluate_prediction,
+    predict,
+    shifted_route,
+)
 from erm.letter.sweeps import along
 from erm.letter.truth import as_table, rays_of
 from erm.maps.environment import Environment
@@ -22,19 +29,19 @@ def street() -> Campaign:
 
 
 def test_the_true_map_predicts_the_whole_channel(street):
-    found = evaluate_prediction(street.environment, beside(street))
+    found = evaluate_prediction(street.environment, shifted_route(street))
     assert (found.power, found.false, found.level) == pytest.approx((1.0, 0.0, 0.0))
 
 
 def test_an_empty_map_predicts_nothing(street):
-    found = evaluate_prediction(Environment.empty(), beside(street))
+    found = evaluate_prediction(Environment.empty(), shifted_route(street))
     assert (found.power, found.false, found.level) == pytest.approx((0.0, 0.0, -10 * np.log10(MIN_POWER)))
 
 
 @pytest.mark.slow
 def test_more_positions_predict_more(street):
     # two positions cannot confirm a wall, nine see both sides of the street at all of their reflection points
-    few, many = predict(as_table(street, rays_of(street)), street, beside(street), counts=(2, 9), replicates=2)
+    few, many = predict(as_table(street, rays_of(street)), street, shifted_route(street), counts=(2, 9), replicates=2)
     assert few.of("walls").tolist() == [0, 0]
     assert (many.positions, len(many.replicates)) == (9, 1)
     assert many.of("power").min() > 0.5
@@ -42,11 +49,11 @@ def test_more_positions_predict_more(street):
 
 
 def test_choices_are_spread_over_all_positions_and_repeat_themselves():
-    chosen = choices(24, 4, 3)
-    assert chosen == choices(24, 4, 3)
+    chosen = choose_positions(24, 4, 3)
+    assert chosen == choose_positions(24, 4, 3)
     assert chosen[0] == [0, 8, 15, 23]
     assert all([i // 6 for i in one] == [0, 1, 2, 3] for one in chosen)
-    assert choices(5, 9, 3) == [[0, 1, 2, 3, 4]]
+    assert choose_positions(5, 9, 3) == [[0, 1, 2, 3, 4]]
 
 
 def test_a_wall_over_an_opening_predicts_falsely_until_it_is_cut_back(street):
@@ -54,7 +61,7 @@ def test_a_wall_over_an_opening_predicts_falsely_until_it_is_cut_back(street):
     south = [[90, -15], [-20, -15]]
     faces = [[[-20, 20], [20, 20]], [[20, 20], [60, 20]], [[60, 20], [90, 20]], south]
     true = replace(street, environment=Environment.walls(faces, base=[0.0, 8.0, 0.0, 0.0], top=20.0))
-    found = evaluate_prediction(Environment.walls([[[-20, 20], [90, 20]], south], top=20.0), beside(true))
+    found = evaluate_prediction(Environment.walls([[[-20, 20], [90, 20]], south], top=20.0), shifted_route(true))
     assert found.false > 0.1
     assert found.false_cut < 0.01
 

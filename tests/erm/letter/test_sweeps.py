@@ -7,7 +7,7 @@ import pytest
 
 from erm.letter.outcome import Outcome
 from erm.letter.outlook import _describe as describe
-from erm.letter.sweeps import Knob, Sweep, gains, setbacks
+from erm.letter.sweeps import Sweep, SweptParameter, completeness_drops, gains
 from erm.letter.sweeps import _with_shared as with_shared
 
 PLAIN = Outcome(
@@ -15,7 +15,7 @@ PLAIN = Outcome(
     of_corrected=0.6, of_exact=0.6, excess=1.0, false=0, point_error=0.1, shared_error=0.1, wall_error=0.01,
     wall_corrected=0.01,
 )  # fmt: skip
-KNOB = Knob("gain", "dB", (1.0, 2.0, 3.0), 1.0, None)
+KNOB = SweptParameter("gain", "dB", (1.0, 2.0, 3.0), 1.0, None)
 
 
 def sweep_of(**fields) -> Sweep:
@@ -37,14 +37,14 @@ def test_the_best_of_more_effort_is_what_it_brings():
 
 def test_a_fall_within_the_scatter_is_none():
     rows = [[0.5, 0.6, 0.7], [0.7, 0.5, 0.55]]
-    knob = Knob("gain", "dB", (1.0, 2.0), 1.0, None)
-    one = Sweep(knob, tuple(tuple(replace(PLAIN, completeness=v) for v in row) for row in rows))
-    assert setbacks([one]) == []
+    parameter = SweptParameter("gain", "dB", (1.0, 2.0), 1.0, None)
+    one = Sweep(parameter, tuple(tuple(replace(PLAIN, completeness=v) for v in row) for row in rows))
+    assert completeness_drops([one]) == []
 
 
 def test_a_loss_that_corrected_errors_remove_is_attributed_to_them():
     one = sweep_of(completeness=[0.6, 0.6, 0.3], of_explained=[0.6, 0.6, 0.3], of_corrected=[0.6, 0.6, 0.6])
-    (step,) = setbacks([one])
+    (step,) = completeness_drops([one])
     assert (step.former, step.later) == (2.0, 3.0)
     assert "There is no loss with corrected standard deviations" in describe(step)
     assert "without the MPCs of no path" not in describe(step).split("There is no loss")[1]

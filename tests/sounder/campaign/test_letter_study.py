@@ -15,12 +15,12 @@ from erm.letter.methods import SINGLE
 from erm.letter.published import TABLE_2
 from erm.letter.scatter import printed_signs, scatter
 from erm.letter.study import PAGE, run
-from erm.letter.sweeps import Knob
+from erm.letter.sweeps import SweptParameter
 from erm.letter.truth import as_table, rays_of
 from sounder.campaign import study
 
 pytestmark = pytest.mark.slow
-QUICK = (Knob("RX spacing", "m", (20.0, 10.0), 10.0, None),)
+QUICK = (SweptParameter("RX spacing", "m", (20.0, 10.0), 10.0, None),)
 
 FEW = {name for names in TABLE_2.values() for name in list(names)[:5]} | {"RX9_L", "RX16_L"}
 
@@ -69,7 +69,7 @@ def brief() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory) -> Path:
-    return run(tmp_path_factory.mktemp("letter"), Ideal(), knobs=QUICK)
+    return run(tmp_path_factory.mktemp("letter"), Ideal(), parameters=QUICK)
 
 
 def test_the_page_shows_every_figure_that_is_written_as_pdf_and_png(page):
@@ -96,7 +96,7 @@ def test_every_route_keeps_its_bars_with_ideal_captures(page):
 
 def test_two_runs_give_the_same_numbers(page, tmp_path, monkeypatch):
     monkeypatch.setattr("erm.common.page.FORMATS", ())  # that figures repeat themselves is shown for one of them
-    again = run(tmp_path, Ideal(), knobs=QUICK)
+    again = run(tmp_path, Ideal(), parameters=QUICK)
     assert again.read_bytes() == page.read_bytes()
 
 
@@ -105,7 +105,7 @@ def test_a_study_that_fails_leaves_no_page_beside_figures_that_are_not_its_own(t
     (tmp_path / PAGE).write_text("of an earlier run")
     for campaigns, left in ((1, [PAGE]), (5, ["figures", "parity.csv", "reflection_points.csv", "table_3.csv"])):
         with pytest.raises(DataError, match="burnt out"):
-            run(tmp_path, Ideal(breaks_after=campaigns), knobs=QUICK)
+            run(tmp_path, Ideal(breaks_after=campaigns), parameters=QUICK)
         assert sorted(path.name for path in tmp_path.iterdir()) == left
 
 
@@ -114,7 +114,7 @@ def test_the_corridor_is_as_wide_as_printed_and_seen_from_inside_alone():
     # the ordinates are printed to the centimetre, 65.30 - 50.38
     assert corridor.width_of(campaign.environment) == pytest.approx(14.92, abs=1e-9)
     assert corridor.seen_by(campaign)["teaching building"] == 0
-    route = [replace(link, tx=corridor.INSIDE) for link in campaign.links if link.name in TABLE_2[corridor.ROUTE]]
+    route = [replace(link, tx=corridor.TX_INSIDE) for link in campaign.links if link.name in TABLE_2[corridor.ROUTE]]
     assert set(corridor.seen_by(campaign.at(route)).values()) == {7}
 
 

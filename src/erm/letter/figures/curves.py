@@ -55,19 +55,21 @@ def plot_sweeps(sweeps: "Sequence[Sweep]") -> "Figure":
         for axes, (label, (scale, curves)) in zip(row, MEASURES.items(), strict=True):
             for (field, label_of_curve), style in zip(curves.items(), STYLES, strict=False):
                 mean, error = one.mean(field), one.error(field)
-                axes.errorbar(one.knob.values, mean, yerr=error, label=label_of_curve, markersize=4, capsize=2, **style)
-            axes.axvline(one.knob.usual, color=PALETTE["truth"], linestyle=":", linewidth=1.2, zorder=0)
+                axes.errorbar(
+                    one.parameter.values, mean, yerr=error, label=label_of_curve, markersize=4, capsize=2, **style
+                )
+            axes.axvline(one.parameter.usual, color=PALETTE["truth"], linestyle=":", linewidth=1.2, zorder=0)
             axes.grid(alpha=0.3)
             axes.set_yscale(scale)
             if scale == "linear":
                 axes.set_ylim(0, 1.04)
-            if min(one.knob.values) > 0:
+            if min(one.parameter.values) > 0:
                 axes.set_xscale("log")
-            axes.set_xticks(one.knob.values, [f"{value:g}" for value in one.knob.values])
+            axes.set_xticks(one.parameter.values, [f"{value:g}" for value in one.parameter.values])
             axes.minorticks_off()
-            if one.knob.values[0] > one.knob.values[-1]:
+            if one.parameter.values[0] > one.parameter.values[-1]:
                 axes.invert_xaxis()  # effort grows to the right in every row
-            axes.set_xlabel(f"{one.knob.name[:1].upper()}{one.knob.name[1:]} ({one.knob.unit})")
+            axes.set_xlabel(f"{one.parameter.name[:1].upper()}{one.parameter.name[1:]} ({one.parameter.unit})")
             axes.set_ylabel(label)
     for axes in grid[0]:
         axes.legend(**LEGEND_ABOVE)

@@ -1,4 +1,4 @@
-"""Right-angled corners of which one wall was never seen alone: their double reflections reveal them.
+"""Right-angled corners with one wall that was never measured alone: double reflections show them.
 
 Two mirrors at a right angle commute. Together they turn the plane by half a turn about their corner. The image
 therefore lies as far beyond the corner as the transmitter lies before it, whichever wall comes first, and the corner

@@ -1,4 +1,4 @@
-"""Bent facades: the paths on and near almost coplanar lines are split anew between the faces that explain them.
+"""Bent facades: the paths on and near almost coplanar lines are assigned again to the faces that explain them.
 
 Where a facade bends by a degree, the paths next to the bend agree with either face, and a line may also fit paths off
 both. The face that more links saw takes them, and the other is left with too few to be a wall. The faces of a facade

@@ -34,9 +34,9 @@ def search_groups(
 
     Where a table gives no errors (``known`` is false) the first estimates are those of `erm.mpcs.selection.select` from
     ``count`` direct paths; the residuals are then pooled with them. Where a table gives errors, what the residuals show
-    beyond them is added: survey and clock shift all paths of a link alike, which the table cannot know. The first
-    search allows for such errors, so that it does not leave out the links that show them. It is repeated at most twice
-    with better errors.
+    beyond them is added: survey and clock errors shift all paths of a link equally, and the table does not contain
+    them. The first search allows for such errors, so that it does not leave out the links that show them. It is
+    repeated at most twice with better errors.
 
     Parameters
     ----------

@@ -29,8 +29,8 @@ SETTINGS = ("CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "OPT", "BOUNDSCHECK", "DEB
 """Settings of `numba.config` that change the machine code."""
 NOT_IN_NAMES = str.maketrans("", "", "<>")
 """What numba leaves out of file names."""
-ROOM = 1 << 22
-"""Room that a directory must have [byte]: four times what the machine code of all kernels takes."""
+MIN_FREE_SPACE = 1 << 22
+"""Free space that a directory must have [byte]: four times what the machine code of all kernels takes."""
 
 
 @cache
@@ -43,7 +43,7 @@ def cache_directory() -> Path | None:
         try:
             directory.mkdir(mode=0o700, parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=directory) as probe:
-                probe.write(bytes(ROOM))
+                probe.write(bytes(MIN_FREE_SPACE))
         except OSError:
             continue
         if _private(directory):

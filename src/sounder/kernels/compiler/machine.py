@@ -1,4 +1,4 @@
-"""What this machine is: how many processors a process may use, and of what kind they are."""
+"""Properties of this machine: number of processors that a process may use, and their type."""
 
 import os
 import platform

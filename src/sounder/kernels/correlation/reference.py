@@ -1,4 +1,4 @@
-"""What the kernels compute, written to be read: numpy, float64, FFT. The tests hold every kernel to these."""
+"""Readable reference of the kernels in numpy, float64 and FFT. The tests compare every kernel with it."""
 
 import numpy as np
 import numpy.typing as npt

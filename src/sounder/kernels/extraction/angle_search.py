@@ -10,9 +10,9 @@ from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
 from sounder.kernels.extraction.sidelobe_check import sidelobe_misfit
 from sounder.kernels.extraction.workspace import TRIALS, Workspace
 
-EXCLUSION = 9.0
+EXCLUDING_MISFIT = 9.0
 """Sidelobe misfit that excludes a direction: 3 standard deviations."""
-ALTERNATIVE = 6.0
+ALTERNATIVE_MISFIT = 6.0
 """Squared residuals, in variances, by which another direction is 20 times less likely (``2 ln 20``). It is then no
 longer an error of the one chosen."""
 STRENGTH_PRIOR = 4.0 / math.log(10.0)
@@ -96,10 +96,10 @@ def _choose(b: int, view: ScanView, work: Workspace, trials: int, outward: float
             if nearer or tried[i].squares < tried[inside].squares - noise / _pattern_toward(b, view, work, i):
                 inside = i
     variance = _variance(view, work, b, tried[inside].squares)
-    at_most = tried[inside].sidelobe_misfit if tried[inside].sidelobe_misfit < EXCLUSION else EXCLUSION
+    at_most = tried[inside].sidelobe_misfit if tried[inside].sidelobe_misfit < EXCLUDING_MISFIT else EXCLUDING_MISFIT
     for i in range(1, trials):
         squares, evidence = tried[i].squares, at_most - tried[i].sidelobe_misfit
-        if outward * tried[i].elevation <= outward * edge or evidence < -EXCLUSION:
+        if outward * tried[i].elevation <= outward * edge or evidence < -EXCLUDING_MISFIT:
             continue
         fits = squares < MAX_RESIDUAL_RATIO * tried[inside].squares
         fits = fits and squares < tried[inside].squares - noise / _pattern_toward(b, view, work, i)
@@ -109,7 +109,7 @@ def _choose(b: int, view: ScanView, work: Workspace, trials: int, outward: float
     if best < 0:
         best = inside
     variance = _variance(view, work, b, tried[best].squares)
-    most = _total(work, best, variance) + ALTERNATIVE * variance
+    most = _total(work, best, variance) + ALTERNATIVE_MISFIT * variance
     elevation_spread = amplitude_spread = 0.0
     for i in range(trials):
         ratio = math.log(tried[i].amplitude / tried[best].amplitude)

@@ -1,4 +1,4 @@
-"""One path in the beams: put it back, fit it, take it out."""
+"""Fit of one path: add it to the samples again, fit it, subtract it."""
 
 import math
 

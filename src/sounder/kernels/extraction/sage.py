@@ -1,4 +1,4 @@
-"""Successive cancellation: find the strongest path, fit it, take it out of every beam, and look again.
+"""Successive cancellation: find the strongest path, fit it, subtract it from every beam, and repeat.
 
 A path of amplitude ``a`` from direction ``w`` at delay ``d`` appears in every beam ``b`` as ``a g(w - w_b) p(t - d)``
 with a phase of its own, since the phase drifts while the horn turns. Each beam's complex amplitude is therefore

@@ -1,4 +1,4 @@
-"""What the kernels need of a scan: its beams, the antenna's pattern, the pulse, and when a peak is a path."""
+"""Data of a scan for the kernels: beams, antenna pattern, pulse, and the limits that make a peak a path."""
 
 import math
 from typing import NamedTuple

@@ -15,16 +15,16 @@ from sounder.kernels.extraction.records import Path
 from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
 from sounder.kernels.extraction.workspace import Workspace
 
-FAR = 4.0
+FAR_BEAM_DISTANCE = 4.0
 """How far from the path's beam the far beams begin, in units of ``view.azimuth_reach``; chosen, not derived."""
 MARGIN_ERROR = 0.35
 """Standard deviation of the margins of the pattern, relative: 1.3 dB; chosen, not derived."""
-CLIP = 3.0
+CLIP_LEVEL = 3.0
 """Power beyond what the path may have, in noise powers, that a beam may contribute: other paths are in few beams."""
 COMPARISON_OFFSET = 5
 """How much earlier and later the power is taken for comparison [sample]; the pulse is under -31 dB there."""
 CLIPPED_STD = 1.02
-"""Standard deviation of a beam's power, clipped at `CLIP`, less the mean of the two beside it [noise power]."""
+"""Standard deviation of a beam's power, clipped at `CLIP_LEVEL`, less the mean of the two beside it [noise power]."""
 
 
 @part
@@ -40,7 +40,7 @@ def measure_sidelobes(cir: Cir, view: ScanView, work: Workspace, found_in: int, 
             work.sidelobes[b, side] = relative if relative >= 0.0 else -1.0
     for b in range(cir.shape[0]):
         aside = abs(view.beams[b].azimuth - view.beams[found_in].azimuth) % 360.0
-        if aside <= FAR * view.azimuth_reach or 360.0 - aside <= FAR * view.azimuth_reach:
+        if aside <= FAR_BEAM_DISTANCE * view.azimuth_reach or 360.0 - aside <= FAR_BEAM_DISTANCE * view.azimuth_reach:
             work.sidelobes[b, 1] = -1.0
 
 
@@ -58,7 +58,7 @@ def sidelobe_misfit(view: ScanView, work: Workspace, path: Path) -> float:
         g, _, _ = pattern(view, b, direction)
         amplitude = path.amplitude * g
         own = amplitude * amplitude / (view.amplitude_variance * view.beams[b].noise)
-        most = CLIP + above * own
+        most = CLIP_LEVEL + above * own
         count += 1
         held += at if at < most else most
         beside += 0.5 * ((before if before < most else most) + (after if after < most else most))

@@ -12,7 +12,7 @@ from erm.figures import plot_error_cdf
 from erm.letter.figures import plot_predictions, plot_sweeps
 from erm.letter.outcome import Outcome
 from erm.letter.prediction import Predicted, Prediction
-from erm.letter.sweeps import KNOBS, Sweep
+from erm.letter.sweeps import SWEPT_PARAMETERS, Sweep
 
 
 @pytest.fixture(autouse=True)
@@ -54,8 +54,13 @@ def test_a_prediction_stands_at_its_mean_with_its_standard_error():
 def test_sweeps_fit_a_page_and_their_names_do_not_meet():
     rng = np.random.default_rng(5)
     fields = [field.name for field in dataclasses.fields(Outcome)]
-    made = [[[Outcome(**dict.fromkeys(fields, rng.random())) for _ in range(3)] for _ in knob.values] for knob in KNOBS]
-    figure = plot_sweeps([Sweep(knob, tuple(map(tuple, rows))) for knob, rows in zip(KNOBS, made, strict=True)])
+    made = [
+        [[Outcome(**dict.fromkeys(fields, rng.random())) for _ in range(3)] for _ in parameter.values]
+        for parameter in SWEPT_PARAMETERS
+    ]
+    figure = plot_sweeps(
+        [Sweep(parameter, tuple(map(tuple, rows))) for parameter, rows in zip(SWEPT_PARAMETERS, made, strict=True)]
+    )
     width, height = figure.get_size_inches()
     assert width < height < 12  # upright; A4 is 11.7 high
     figure.canvas.draw()
