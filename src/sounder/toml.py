@@ -62,9 +62,9 @@ class Table(BaseModel):
         >>> Link.from_tables({"distance": -1.0}, "link.toml")
         Traceback (most recent call last):
         erm.common.errors.DataError: link.toml: distance is -1.0; expected more than 0
-        >>> Link.from_tables({"range": 1.0}, "link.toml")
+        >>> Link.from_tables({"distances": 1.0}, "link.toml")
         Traceback (most recent call last):
-        erm.common.errors.DataError: link.toml: distance: missing; range: unknown key; did you mean distance?
+        erm.common.errors.DataError: link.toml: distance: missing; distances: unknown key; did you mean distance?
         """
         try:
             return cls.model_validate(tables, context=file)
