@@ -56,32 +56,32 @@ def extract_mpcs(
     cir : xarray.Dataset
         ``cir`` (azimuth, elevation, delay), from :func:`sounder.cir.impulse_response.impulse_responses`.
     filter_ : Deembedding
-        That made it; its pulse is the shape of a single path.
+        The filter that made ``cir``. Its pulse is the shape of a single path.
     sounder : Sounder
-        For the receive antenna's pattern, the period and the clock.
+        Description of the receive antenna, the clock, and the copies that the instrument makes of paths.
     distance : float
-        Direct distance from TX to RX [m]. Delays are known modulo the sequence's period; no path is shorter than the
-        direct one, so earlier ones are late by a period.
+        Direct distance from TX to RX [m]. Delays are known modulo the period of the sequence. No path is shorter than
+        the direct one, so that earlier delays are too short by a period.
     threshold : {"usc", "nyu"}
         ``usc``: noise floor + 12 dB, which noise alone exceeds once in 7 million samples (Gomez-Ponce et al.).
-        ``nyu``: the higher of strongest - 25 dB and noise floor + 5 dB (Sun et al.); noise alone exceeds the second
-        in 4 % of the samples, so that weak positions fill with noise.
+        ``nyu``: the higher of strongest - 25 dB and noise floor + 5 dB (Sun et al.). Noise alone exceeds the second
+        in 4 % of the samples, so that positions with weak paths fill with noise.
     method : {"sage", "clean", "peaks"}
-        ``sage``: as above; overlapping paths are fitted in turn, each to what the others leave (Fleury et al., 1999).
-        ``clean``: each path is fitted once, when it is taken out (Hogbom, 1974). ``peaks``: nothing is taken out;
-        peaks that stand 6 dB over what stronger ones and the antenna's sidelobes explain are fitted as they are.
+        ``sage``: as above; overlapping paths are fitted in turn, each to the residual of the others (Fleury et al.,
+        1999). ``clean``: each path is fitted once, before it is subtracted (Hogbom, 1974). ``peaks``: nothing is
+        subtracted; peaks 6 dB above the sidelobes of stronger paths are fitted as they are.
     time : array (azimuth, elevation), optional
-        When each direction was recorded, in any unit: the order in which the clock wanders. If it is not known, all
+        When each direction was recorded, in any unit. It gives the order in which the clock drifts. Default: all
         azimuths at each elevation in turn.
 
     Returns
     -------
     xarray.Dataset
-        Along ``mpc``, strongest first, possibly none; the columns of :func:`sounder.mpc.table.tabulate` and
-        :func:`sounder.mpc.elevation_gain.with_elevation_gain`. The attribute ``paths_outside_fan`` counts the paths
-        left out because only sidelobes saw them, so that their angle is not known; ``complete`` is 0 if more paths
-        exceed the threshold than a table holds; ``period`` [s] is that of the sequence, by whole numbers of which
-        delays may be too short.
+        Along ``mpc``, strongest first, possibly of length 0: the columns of :func:`sounder.mpc.table.tabulate` and
+        :func:`sounder.mpc.elevation_gain.with_elevation_gain`. Attributes: ``paths_outside_fan``, the number of paths
+        left out because only sidelobes see them, so that their angles are not known; ``complete``, 0 if more paths
+        exceed the threshold than a table holds; ``period`` of the sequence [s], by whole numbers of which delays may
+        be too short.
 
     Examples
     --------
@@ -123,7 +123,7 @@ def extract_mpcs(
 def _cancel(
     residual: NDArray[np.complex64], scan: Scan, effort: Effort
 ) -> tuple[NDArray[np.record], NDArray[np.complex64], bool]:
-    """Paths by successive cancellation, what was removed for each from each beam, and whether these are all."""
+    """Paths by successive cancellation, the amplitude removed for each from each beam, and whether these are all."""
     view = scan.view(removes=bool(effort.removes))
     work = workspace(view)
     found, removed = np.zeros(CAPACITY, PATH), np.zeros((CAPACITY, len(residual)), np.complex64)
@@ -132,9 +132,9 @@ def _cancel(
 
 
 def _located(found: NDArray[np.record], scan: Scan) -> NDArray[np.bool_]:
-    """Tell the paths whose direction the main lobe has seen.
+    """Whether each path is in the main lobe of its beam, so that its direction is known.
 
-    A path far above or below the fan enters through the sidelobes, alike in all beams; its delay is right, its angle
+    A path far above or below the fan enters all beams alike through their sidelobes. Its delay is right, but its angle
     is not known. Nor is that of a path that the pattern does not fit.
     """
     known: NDArray[np.bool_] = ~(found["azimuth_variance"] > (scan.beamwidth[0] / 2) ** 2)

@@ -48,9 +48,9 @@ class Scan:
     threshold : array (beam,)
         Least power of a path; infinite where nothing was recorded.
     filter_ : Deembedding
-        That made the CIRs; its pulse is the shape of a path.
+        The filter that made the CIRs. Its pulse is the shape of a path.
     sounder : Sounder
-        For the receive antenna, the clock, and the copies that the instrument makes of paths.
+        Description of the receive antenna, the clock, and the copies that the instrument makes of paths.
     """
 
     cir: NDArray[np.complex64]
@@ -117,7 +117,7 @@ class Scan:
 
     @cached_property
     def beamwidth(self) -> Real:
-        """Half-power beamwidths (2,) in azimuth and elevation [degree]; everything for an antenna without lobes."""
+        """Half-power beamwidths (2,) in azimuth and elevation [degree]; 360 and 180 for one without a lobe."""
         return np.array([self.antenna.hpbw_azimuth or 360.0, self.antenna.hpbw_elevation or 180.0])
 
     @cached_property
@@ -172,7 +172,7 @@ class Scan:
         Parameters
         ----------
         removes : bool
-            Whether paths are taken out of the beams; one that stays is seen by its sidelobes in all of them.
+            Whether paths are subtracted from the beams. One that stays enters all beams through their sidelobes.
         """
         step = float(np.diff(self.azimuth).max()) if self.azimuth.size > 1 else 0.0
         # The azimuths close a circle if the gap between last and first is a step of the scan, or hardly more.

@@ -1,15 +1,15 @@
 """Two paths of one delay in neighbouring beams, which look like one path of a wrong direction.
 
-A fit of one path to the beams about it takes two paths, half a beamwidth to two of them apart, for one between them, or
-for two in wrong directions, since each disturbs the beams of the other. If the phase between two paths is the same in
+Two paths half a beamwidth to two beamwidths apart, fitted one at a time, become one path between them, or two in wrong
+directions, since each disturbs the beams of the other. If the phase between two paths is the same in
 all directions, as it is when the horn turns about its phase centre, the magnitudes of all beams have few unknowns and
 show both (`sounder.mpc.two_paths_fit`). It is not known beforehand whether the phase is the same. So the directions
 are estimated for both cases (`sounder.mpc.two_paths_posterior`), and two paths are accepted where
 
 * one fits worse than noise and the error of the pattern explain (Bayes' information criterion);
 * two fit within the noise, which three paths do not, nor some pairs whose phase changes from beam to beam;
-* they are further apart than what a lobe broader than described could be taken for, both are inside the fan, and
-  their directions are known.
+* they are further apart than a lobe broader than described could explain, both are inside the fan, and their
+  directions are known.
 """
 
 from collections.abc import Iterator

@@ -152,9 +152,10 @@ def _bounds(middle: float, scan: Scan) -> Real:
 
 
 def _may_be_leakage(two: Real, scan: Scan) -> bool:
-    """Tell whether a horn unlike its description may let in one path where the other seems to be.
+    """Whether one path may be leakage of the other, in a horn that differs from its description.
 
-    It may exceed the pattern by its margin where that is 12 dB down or more, and by less near the peak.
+    The real pattern may exceed the described one by a margin where that is 12 dB down or more, and by less near the
+    peak.
     """
     there, here = two[:, :2], two[::-1, :2]
     level = scan.pattern.beam_gain(*there.T, *here.T) / 20 * np.log(10)
@@ -194,7 +195,7 @@ def _magnitudes(path: Real, beams: BeamSamples, scan: Scan) -> Real:
 
 
 def _explains_magnitudes(path: Real, beams: BeamSamples, scan: Scan) -> bool:
-    """Tell whether the magnitudes of beams over the noise are those of one path, within what two must fit better."""
+    """Whether one path explains the magnitudes of beams over the noise, to within what two paths must improve."""
     pulse, _ = scan.centred_pulse.at(path[DELAY])
     energy = np.sum(np.abs(pulse) ** 2) / beams.noise
     magnitude = _magnitudes(path, beams, scan)

@@ -101,3 +101,13 @@ def test_one_path_is_not_split(bench, snr):
         path = -100.0, rng.uniform(30e-9, 800e-9), rng.uniform(0, 360), rng.uniform(-11, 11)
         table = extract_mpcs(scan(bench, [path], -100 + HORN - snr, rng), bench.filter_, bench.sounder)
         assert table.sizes["mpc"] == 1, path
+
+
+def test_errors_of_the_pattern_come_from_the_description(bench):
+    """Two paths make a lobe that a horn known to half its amplitude may have: they are not taken for two."""
+    cir = scan(bench, [(-100.0, 200e-9, 43.0, 2.0), (-100.0, 200e-9, 53.0, 2.0)], -105.5, np.random.default_rng(8))
+    errors = {name: 0.5 for name in ("gain_error", "beamwidth_error", "joint_gain_error", "joint_beamwidth_error")}
+    horn = bench.sounder.rx_antenna.model_copy(update=errors)
+    unknown = bench.sounder.model_copy(update={"rx_antenna": horn})
+    assert extract_mpcs(cir, bench.filter_, bench.sounder).sizes["mpc"] == 2
+    assert extract_mpcs(cir, bench.filter_, unknown).sizes["mpc"] < 2

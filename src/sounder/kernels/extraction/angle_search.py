@@ -18,7 +18,8 @@ longer an error of the one chosen."""
 STRENGTH_PRIOR = 4.0 / math.log(10.0)
 """The same by which a path e times as strong is less likely beforehand: of every 10 dB more there are e times fewer."""
 MIN_SIDELOBE_EVIDENCE = 4.0
-"""Decrease of the sidelobe misfit from which on the far beams may decide for another direction: 2 deviations."""
+"""Decrease of the sidelobe misfit from which on the far beams may decide for another direction: 2 standard
+deviations."""
 MAX_RESIDUAL_RATIO = 0.25
 """Squared residuals of a fit outside the fan, relative to those of the best inside, under which it wins; chosen."""
 TRIAL_STEPS = 8.0
@@ -80,12 +81,12 @@ def fit_near(b: int, view: ScanView, work: Workspace, free: tuple[float, float],
 def _choose(b: int, view: ScanView, work: Workspace, trials: int, outward: float, edge: float, path: Path) -> int:
     """Choose among the directions tried; the spread of those not excluded is kept in ``path``.
 
-    A direction further out than the beam's own half power must fit clearly and surely better than the best within:
-    neither interference nor noise must turn a weak path into a strong one out there. Or the far beams must speak for
-    it, and not against it.
+    A direction beyond the half-power edge of the beam must fit clearly better than the best one within, so that neither
+    interference nor noise turns a weak path into a strong one outside. Or the far beams must support it.
 
-    Surely is by one noise power over the pattern's power out there. Just above the fan that is 2 to 3 standard
-    deviations of the magnitudes; far out, where a path would have to be 20 dB stronger than it looks, 10.
+    Clearly better means a quarter of the squared residuals (`MAX_RESIDUAL_RATIO`), and less by one noise power over the
+    pattern's amplitude in that direction. Just above the fan that is 2 to 3 standard deviations of the magnitudes; far
+    out, where a path must be 20 dB stronger than it looks, 10.
     """
     tried, inside, best = work.trials, 0, -1
     noise = view.beams[b].noise

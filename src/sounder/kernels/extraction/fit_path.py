@@ -20,9 +20,9 @@ from sounder.kernels.extraction.workspace import Workspace
 
 @part
 def update_path(cir: Cir, view: ScanView, work: Workspace, path: Path, removed: Cir, i: int, removes: bool) -> None:
-    """Put path ``i`` back into the beams, fit it to what the others left and, if ``removes``, take it out again.
+    """Add path ``i`` back to the beams, fit it to the residual of the others and, if ``removes``, subtract it again.
 
-    ``path`` and ``removed[i]`` hold the path; of one that is new, the beam, a first delay, and zeros.
+    ``path`` and ``removed[i]`` hold the path; for a new one the beam, a first delay, and zeros.
     """
     first = sample(view.pulse, view.oversampling, path.delay, work.pulse)
     for b in range(cir.shape[0]):
@@ -66,7 +66,7 @@ def _fit(cir: Cir, view: ScanView, work: Workspace, path: Path) -> None:
 
 @part
 def _remove(cir: Cir, view: ScanView, work: Workspace, path: Path, removed: Cir, i: int) -> None:
-    """Take path ``i`` out of every beam in which the pattern predicts it above a tenth of the noise power."""
+    """Subtract path ``i`` from every beam in which the pattern predicts it above a tenth of the noise power."""
     first = set_filter(view, work, path.delay)
     first_of_pulse = sample(view.pulse, view.oversampling, path.delay, work.pulse)
     direction = toward(path.azimuth, path.elevation)

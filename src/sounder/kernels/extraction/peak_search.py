@@ -26,7 +26,7 @@ class Search(NamedTuple):
     Attributes
     ----------
     remainder : array (beam, delay)
-        Power under which a peak is a remainder of paths taken out.
+        Power under which a peak is a remainder of subtracted paths.
     peak : array (beam, block)
         Highest power over threshold and remainders, 0 if there is none.
     delay : array (beam, block)

@@ -1,9 +1,9 @@
 """Successive cancellation: find the strongest path, fit it, subtract it from every beam, and repeat.
 
 A path of amplitude ``a`` from direction ``w`` at delay ``d`` appears in every beam ``b`` as ``a g(w - w_b) p(t - d)``
-with a phase of its own, since the phase drifts while the horn turns. Each beam's complex amplitude is therefore
-fitted anew, and trusted as long as its magnitude is no more than a margin times what the pattern allows: so a
-stronger path's sidelobes, in angle and in delay, go with it, and another path that arrives at the same time stays.
+with a phase of its own, since the phase drifts while the horn turns. The complex amplitude is therefore fitted in each
+beam, and used if its magnitude is no more than a margin times what the pattern allows. So the sidelobes of a path, in
+angle and in delay, are subtracted with it, and another path that arrives at the same time stays.
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ class Effort(NamedTuple):
     Attributes
     ----------
     removes : int
-        1 if paths are taken out of the beams, else 0.
+        1 if paths are subtracted from the beams, else 0.
     refits : int
         How often the paths that share samples with a new one are fitted again.
     passes : int
@@ -47,7 +47,7 @@ class Effort(NamedTuple):
 def cancel(
     cir: Cir, view: ScanView, effort: Effort, work: Workspace, search: Search, found: Paths, removed: Cir
 ) -> tuple[int, bool]:
-    """Extract paths from the CIRs of all beams; ``cir`` holds what is left.
+    """Extract paths from the CIRs of all beams; ``cir`` becomes the residual.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def cancel(
     found : array of `PATH` (capacity,)
         Filled with the paths.
     removed : array (capacity, beam)
-        Filled with the amplitude that was taken out of each beam.
+        Filled with the amplitude that was subtracted from each beam.
 
     Returns
     -------
@@ -97,8 +97,8 @@ def cancel(
             search_around(cir, view, work, search, path.delay)
             continue
         count += 1
-        # A path whose pulse holds another's is fitted wrong, and what is left of both looks like more paths: fit such
-        # groups again at once, before their remainders are searched.
+        # Paths that overlap disturb each other's fits, and their residuals look like further paths. So such groups are
+        # fitted again at once, before their residuals are searched.
         for _ in range(effort.refits):
             for i in range(count):
                 if _share_samples(found[i], path, reach, period):
@@ -118,7 +118,7 @@ def cancel(
 
 @part
 def _keep(found: Paths, removed: Cir, count: int, view: ScanView, period: float) -> int:
-    """Move the paths that still exceed the threshold to the front; fitted again, some turn out to be others' parts."""
+    """Move the paths that still exceed the threshold to the front; some no longer do after they were fitted again."""
     kept = 0
     for i in range(count):
         amplitude = found[i].amplitude * found[i].beam_gain
@@ -133,7 +133,7 @@ def _keep(found: Paths, removed: Cir, count: int, view: ScanView, period: float)
 
 @part
 def _is_artefact(found: Paths, count: int, i: int, view: ScanView, period: float) -> bool:
-    """Tell whether a path is a copy that the instrument makes of another."""
+    """Whether a path is a copy that the instrument makes of another."""
     path = found[i]
     for copy in range(view.artefacts.size):
         artefact = view.artefacts[copy]
@@ -147,7 +147,7 @@ def _is_artefact(found: Paths, count: int, i: int, view: ScanView, period: float
 
 @part
 def _share_samples(path: Path, other: Path, azimuth: float, period: float) -> bool:
-    """Tell whether two paths are fitted to samples that both are in."""
+    """Whether two paths are fitted to samples that both are in."""
     return (
         _circular_distance(path.delay, other.delay, period) < OVERLAP
         and _circular_distance(path.azimuth, other.azimuth, 360.0) < azimuth
@@ -162,7 +162,7 @@ def _circular_distance(x: float, y: float, period: float) -> float:
 
 @part
 def _is_duplicate(found: Paths, count: int, view: ScanView, period: float) -> bool:
-    """Tell whether the last path is one of those found before."""
+    """Whether the last path is one of those found before."""
     path = found[count]
     for i in range(count):
         if (

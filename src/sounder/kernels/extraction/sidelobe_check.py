@@ -1,9 +1,9 @@
 """The direction of a path, checked in the beams far from it: a strong path enters through their sidelobes.
 
-A path beyond the edge of the fan is in the main lobe of no beam. The few beams around it cannot tell whether it is weak
-and near the fan or strong and far from it; but a strong one enters through the sidelobes of all beams. Sidelobes are
-known to some decibels only, and other paths may arrive at about the same delay in some beams. So the far beams are
-judged together, none of them counts for much, and the margins are wide.
+A path beyond the edge of the fan is in the main lobe of no beam. To the few beams around it, a weak path near the fan
+and a strong one far from it look alike; but a strong one enters all beams through their sidelobes. Sidelobes are known
+to some decibels only, and other paths may arrive at about the same delay in some beams. So the far beams are summed,
+the power of each is clipped, and the margins are wide.
 """
 
 import math
