@@ -1,7 +1,6 @@
 """Whitened samples hold the pulse where it is, noise of unit power, and what is not known of the pattern as noise."""
 
 import numpy as np
-import pytest
 
 from sounder.mpc.whitened_samples import PADDING, BeamSamples, CentredPulse, WindowPulse
 
@@ -15,8 +14,9 @@ def pulse_at(bench, lags):
 def test_pulses_are_where_they_arrive(bench):
     centred = CentredPulse.of(bench.filter_.matched_filter, bench.filter_.noise)
     window = WindowPulse.of(bench.filter_.matched_filter, bench.filter_.noise, 20)
-    # Linear between points of 1/64 and 1/32 sample a pulse of band 0.45 cycles a sample is good to (2 pi 0.45 / 64)^2 / 8
-    # and four times that; the whitener weighs up edges of the band by its eigenvalues, 30 times at most (1e-3 in power).
+    # Linear between points of 1/64 and 1/32 sample a pulse of band 0.45 cycles a sample is good to
+    # (2 pi 0.45 / 64)^2 / 8 and four times that. The whitener amplifies the edges of the band 30 times at most, by the
+    # smallest eigenvalue that it keeps, 1e-3 in power.
     for delay in (-0.9, 0.0, 0.37):
         exact = centred.whitener @ pulse_at(bench, np.arange(-PADDING, PADDING + 1) - delay)
         made, _ = centred.at(np.array([delay]))
