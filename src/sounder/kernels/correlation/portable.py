@@ -47,20 +47,9 @@ def place(capture: Array, sums: Array, spc: int, rows: Array, first: int, z: Arr
 
 @part
 def add_power(z: Array, power: Array) -> None:
-    """Transform z, add its squares to the power, and empty it."""
-    hadamard.walsh_hadamard(z, ROW)
+    """Add the squares of z to the power, and empty z."""
     for k in range(z.size):
         power[k] += z[k] * z[k]
-        z[k] = 0
-
-
-@part
-def correlate_capture(capture: Array, tables: Tables, sums: Array, z: Array, out: Array) -> None:
-    """Correlate one capture, and empty z."""
-    place(capture, sums, tables.samples_per_chip, tables.rows, 0, z)
-    hadamard.walsh_hadamard(z, ROW)
-    hadamard.unpermute(z, ROW, tables.positions, tables.samples_per_chip, tables.polarity, out)
-    for k in range(z.size):
         z[k] = 0
 
 
@@ -79,6 +68,7 @@ def add_int16(x: Array, before: int, tables: Tables, state: State) -> None:
         place(capture, state.sums, spc, rows, (before + i) % slots * chip // 2, z)
         count = before + i + 1
         if count % slots == 0 or i + 1 == x.shape[0]:
+            hadamard.walsh_hadamard(z, ROW)
             add_power(z, state.power)
         if count % accumulate.FLUSH_POWER == 0:
             accumulate.flush(state.power, state.power_total)
@@ -101,6 +91,7 @@ def add_float32(x: Array, before: int, tables: Tables, state: State) -> None:
         place(capture, state.sums, spc, rows, (before + i) % slots * chip // 2, z)
         count = before + i + 1
         if count % slots == 0 or i + 1 == x.shape[0]:
+            hadamard.walsh_hadamard(z, ROW)
             add_power(z, state.power)
         if count % accumulate.FLUSH_POWER == 0:
             accumulate.flush(state.power, state.power_total)
@@ -109,19 +100,26 @@ def add_float32(x: Array, before: int, tables: Tables, state: State) -> None:
 @jit
 def means(count: int, tables: Tables, state: State, correlation: Array, power: Array) -> None:
     """Write the mean correlation, flat I/Q (number,), and the mean power (sample,) of ``count`` captures."""
-    spc, chip, stride = tables.samples_per_chip, tables.chip, tables.stride
-    accumulate.mean_power(state.power, state.power_total, count, spc, chip, stride, tables.positions, power)
+    spc, positions, z = tables.samples_per_chip, tables.positions, state.z
+    accumulate.mean_power(state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power)
     accumulate.mean_capture(state.samples, state.samples_total, count, state.capture)
-    correlate_capture(state.capture, tables, state.sums, state.z, correlation)
+    place(state.capture, state.sums, spc, tables.rows, 0, z)
+    hadamard.walsh_hadamard(z, ROW)
+    hadamard.unpermute(z, ROW, positions, spc, tables.polarity, correlation)
+    z[:] = 0
 
 
 @jit
 def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> None:
     """Correlate every capture (capture, number), flat I/Q in and out."""
+    spc, z = tables.samples_per_chip, state.z
     for i in range(x.shape[0]):
         for t in range(x.shape[1]):
             state.capture[t] = x[i, t]
-        correlate_capture(state.capture, tables, state.sums, state.z, out[i])
+        place(state.capture, state.sums, spc, tables.rows, 0, z)
+        hadamard.walsh_hadamard(z, ROW)
+        hadamard.unpermute(z, ROW, tables.positions, spc, tables.polarity, out[i])
+        z[:] = 0
 
 
 def kernels(_order: int, _samples_per_chip: int) -> Kernels:
