@@ -54,7 +54,7 @@ def evaluate(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Compare a map with a known outline, or its predictions with measurements."""
+    """Compare a map with an outline, or with measurements."""
     if leave_one_out == (outline is not None):
         raise typer.BadParameter("give either --outline FILE or --leave-one-out")
     if leave_one_out and not mpcs:

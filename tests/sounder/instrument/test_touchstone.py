@@ -45,11 +45,11 @@ def test_interpolation_keeps_the_gain_of_a_device_with_delay():
     [
         ("a.s2p", None, "no such file"),
         ("a.s1p", "# GHz S RI R 50\n131 0 0\n133 0 0\n", "two-port"),
-        ("a.s2p", "", "two or more rising"),
+        ("a.s2p", "", "two or more frequencies in ascending order"),
         ("a.s2p", "hello world\n", "touchstone"),
         ("a.s2p", "# GHz S RI R 50\n131 0 0 1e-3\n", "touchstone"),
         ("a.s2p", "# GHz S RI R 50\n131 0 0 x y 0 0 0 0\n", "touchstone"),
-        ("a.s2p", "# GHz S RI R 50\n131 0 0 1e-3 0 1e-3 0 0 0\n", "two or more rising"),
+        ("a.s2p", "# GHz S RI R 50\n131 0 0 1e-3 0 1e-3 0 0 0\n", "two or more frequencies in ascending order"),
         ("a.s2p", "# GHz S RI R 50\n131 0 0 0 0 0 0 0 0\n133 0 0 0 0 0 0 0 0\n", "other than 0"),
         ("a.s2p", "# GHz S RI R 50\n131 0 0 1e-3 0 1e-3 0 0 0\n132 0 0 1e-3 0 1e-3 0 0 0\n", "132.500 GHz"),
         ("a.s2p", "\xff\xfe\x00", "touchstone"),
