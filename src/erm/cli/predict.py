@@ -26,7 +26,7 @@ def predict(
     max_order: Annotated[int, typer.Option(min=0, max=3, help="Largest number of reflections of a path.")] = 2,
     out: Annotated[Path | None, typer.Option(help="Also write the MPCs as a table (.csv).")] = None,
 ) -> None:
-    """Predict the MPCs between two positions that were not measured."""
+    """Predict the MPCs between any two positions."""
     protect_inputs((out,), (environment,))
     require_suffix(out, ".csv")
     for option, place in (("--tx", tx), ("--rx", rx)):
