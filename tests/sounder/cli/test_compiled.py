@@ -50,9 +50,12 @@ def test_a_damaged_cache_is_made_anew(compiled, tmp_path, damage):
     kept = cache_directory()
     if kept is None:
         pytest.skip("no cache of kernels on this system")
-    shutil.copytree(kept, tmp_path / "cache" / kept.name)
-    index = next((tmp_path / "cache").rglob("clipping*.nbi"))
-    index.write_bytes(damage)
-    mpcs = process(tmp_path / "out", NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+    cache = tmp_path / "cache"
+    shutil.copytree(kept, cache / kept.name)
+    for index in cache.rglob("clipping*.nbi"):  # one for each copy of the package that was run from here
+        index.write_bytes(damage)
+    mpcs = process(tmp_path / "out", NUMBA_CACHE_DIR=str(cache))
     xr.testing.assert_identical(mpcs, compiled)
-    assert len(index.read_bytes()) > len(damage)
+    sizes = [index.stat().st_size for index in cache.rglob("clipping*.nbi")]
+    assert sizes
+    assert min(sizes) > len(damage)
