@@ -9,7 +9,7 @@ import typer
 
 from erm.common import console
 from erm.common.outputs import protect_inputs, require_folder
-from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options, Threshold
+from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options
 
 app = typer.Typer(
     add_completion=False,
@@ -117,7 +117,11 @@ def process(
         Averaging, typer.Option(help="Averaging over the snapshots of a direction.")
     ] = Options.averaging,
     threshold: Annotated[
-        Threshold, typer.Option(help="Least power of an MPC: noise + 12 dB (usc), or max(peak - 25, noise + 5) (nyu).")
+        str,
+        typer.Option(
+            help="What counts as an MPC: usc (12 dB over noise), nyu (5 dB over noise and 25 dB under the peak), or "
+            "numbers: dB over noise, dynamic range [dB], delay gate [s], as in 10,30,4e-7."
+        ),
     ] = Options.threshold,
     method: Annotated[
         Method, typer.Option(help="Fit of MPCs: jointly (sage), one after another (clean), or each peak alone (peaks).")

@@ -1,20 +1,100 @@
 """Options of processing: what each may be, in one place for functions, campaign files and the command line."""
 
+import math
 from dataclasses import dataclass, fields
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal, Self, get_args, get_type_hints
 
 from erm.common.errors import OptionError
 
 Averaging = Literal["coherent", "phase-aligned", "power"]
 """How the snapshots of a direction are averaged."""
-Threshold = Literal["usc", "nyu"]
-"""Least power of an MPC: noise floor + 12 dB (usc), or max(strongest - 25 dB, noise floor + 5 dB) (nyu)."""
 Method = Literal["sage", "clean", "peaks"]
 """How overlapping MPCs are separated."""
 Omnidirectional = Literal["sum", "maximum"]
 """How the omnidirectional PDP is made: sum of the beams, or strongest beam."""
 FigureFormat = Literal["png", "pdf", "svg"]
 """File format of figures."""
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """What counts as a path: power over the noise, power under the strongest, and delay.
+
+    The least power is the higher of noise floor + ``noise_margin`` and strongest sample - ``dynamic_range``. Groups
+    differ in these numbers; :data:`THRESHOLDS` has two published sets by name.
+
+    Attributes
+    ----------
+    noise_margin : float
+        Over the mean noise power of the beam [dB].
+    dynamic_range : float
+        Under the strongest sample of the position [dB]; infinite: no limit.
+    delay_gate : float
+        Longest delay [s], as the propagation delay from TX to RX; infinite: no limit.
+
+    Raises
+    ------
+    OptionError
+        A number is negative or not a number, or the delay gate is 0.
+
+    Examples
+    --------
+    >>> Threshold.of("nyu")
+    Threshold(noise_margin=5.0, dynamic_range=25.0, delay_gate=inf)
+    >>> Threshold.of("10,30,4e-7").delay_gate
+    4e-07
+    >>> str(Threshold(10.0, 30.0)), str(Threshold(12.0))
+    ('10,30', 'usc')
+    """
+
+    noise_margin: float
+    dynamic_range: float = math.inf
+    delay_gate: float = math.inf
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            least = "more than 0" if field.name == "delay_gate" else "0 or more"
+            if not value >= 0 or (field.name == "delay_gate" and value == 0):
+                raise OptionError(f"threshold: {field.name} is {value:g}; expected {least}")
+
+    @classmethod
+    def of(cls, text: "str | Threshold") -> Self:
+        """Threshold of a name, or of one to three numbers with commas between: ``12``, ``10,30``, ``10,30,4e-7``.
+
+        Raises
+        ------
+        OptionError
+            The text is neither.
+        """
+        if isinstance(text, Threshold):
+            return cls(text.noise_margin, text.dynamic_range, text.delay_gate)
+        if text in THRESHOLDS:
+            return cls.of(THRESHOLDS[text])
+        try:
+            numbers = [float(number) for number in text.split(",")]
+        except (AttributeError, ValueError):
+            numbers = []
+        if not 1 <= len(numbers) <= len(fields(cls)):
+            raise OptionError(
+                f"threshold is {text!r}; expected one of {', '.join(THRESHOLDS)}, or numbers: dB over the noise floor, "
+                "dynamic range [dB], delay gate [s], as in 10,30,4e-7"
+            )
+        return cls(*numbers)
+
+    def __str__(self) -> str:
+        for name, known in THRESHOLDS.items():
+            if self == known:
+                return name
+        numbers = [f"{getattr(self, field.name):.12g}" for field in fields(self)]
+        while numbers[-1] == "inf" and len(numbers) > 1:
+            numbers.pop()
+        return ",".join(numbers)
+
+
+THRESHOLDS = {"usc": Threshold(12.0), "nyu": Threshold(5.0, 25.0)}
+"""Thresholds by name. ``usc``: noise floor + 12 dB (Gomez-Ponce et al.). ``nyu``: the higher of strongest - 25 dB and
+noise floor + 5 dB (Sun et al.)."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +105,8 @@ class Options:
     ----------
     averaging : {"coherent", "phase-aligned", "power"}
         Over the snapshots of a direction; see :func:`sounder.cir.impulse_response.impulse_responses`.
-    threshold : {"usc", "nyu"}
-        Least power of an MPC; see :func:`sounder.mpc.extract.extract_mpcs`.
+    threshold : str
+        What counts as an MPC, as :class:`Threshold` writes it: ``usc``, ``nyu``, or numbers such as ``10,30,4e-7``.
     method : {"sage", "clean", "peaks"}
         How overlapping MPCs are separated; see :func:`sounder.mpc.extract.extract_mpcs`.
     omnidirectional : {"sum", "maximum"}
@@ -44,18 +124,21 @@ class Options:
     >>> from sounder import Options
     >>> Options(threshold="nyu").method
     'sage'
-    >>> Options(threshold="noise")
+    >>> Options(threshold="12,40").threshold
+    '12,40'
+    >>> Options(method="music")
     Traceback (most recent call last):
-    erm.common.errors.OptionError: threshold is 'noise'; expected one of usc, nyu
+    erm.common.errors.OptionError: method is 'music'; expected one of sage, clean, peaks
     """
 
     averaging: Averaging = "coherent"
-    threshold: Threshold = "usc"
+    threshold: str = "usc"
     method: Method = "sage"
     omnidirectional: Omnidirectional = "sum"
     keep_cir: bool = False
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "threshold", str(Threshold.of(self.threshold)))
         hints = get_type_hints(type(self))
         for field in fields(self):
             if get_args(hints[field.name]):

@@ -6,6 +6,7 @@ import pytest
 import sounder
 from erm import OptionError
 from sounder import shipped
+from sounder.options import Threshold
 
 
 @pytest.fixture(scope="module")
@@ -25,5 +26,29 @@ def test_a_stage_refuses_a_value_that_it_does_not_know(cir):
         sounder.daps(responses, recording.sounder, omnidirectional="mean")
     with pytest.raises(OptionError, match="method is 'music'; expected one of sage, clean, peaks"):
         sounder.extract_mpcs(responses, deembedding, recording.sounder, method="music")
-    with pytest.raises(OptionError, match="threshold is '12'; expected one of usc, nyu"):
-        sounder.extract_mpcs(responses, deembedding, recording.sounder, threshold="12")
+    with pytest.raises(
+        OptionError, match="threshold is 'loud'; expected one of usc, nyu, or numbers: dB over the noise"
+    ):
+        sounder.extract_mpcs(responses, deembedding, recording.sounder, threshold="loud")
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "threshold is ''; expected"),
+        ("1,2,3,4", "threshold is '1,2,3,4'; expected"),
+        ("-3", "threshold: noise_margin is -3; expected 0 or more"),
+        ("12,nan", "threshold: dynamic_range is nan; expected 0 or more"),
+        ("12,30,0", "threshold: delay_gate is 0; expected more than 0"),
+    ],
+)
+def test_numbers_that_are_no_threshold_are_refused(text, problem):
+    with pytest.raises(OptionError, match=problem):
+        sounder.Options(threshold=text)
+
+
+def test_a_threshold_is_written_in_one_way():
+    written = {"12": "usc", "5,25": "nyu", "5,25,inf": "nyu", "12,inf,4e-7": "12,inf,4e-07", "10,30.5": "10,30.5"}
+    for text, expected in written.items():
+        assert sounder.Options(threshold=text).threshold == expected
+        assert Threshold.of(expected) == Threshold.of(text)

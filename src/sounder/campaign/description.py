@@ -3,12 +3,13 @@
 import glob
 import re
 from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationError, model_validator
 
-from erm.common.errors import DataError
+from erm.common.errors import DataError, OptionError
 from erm.maps.georeference import Georeference
 from erm.mpcs.options import Threshold as SelectionThreshold
 from sounder.campaign.result import PRODUCTS
@@ -24,6 +25,19 @@ def _not_empty(values: tuple[Any, ...]) -> tuple[Any, ...]:
     if not values:
         raise ValueError("is empty; expected at least one")
     return values
+
+
+def _threshold(value: Any) -> str:
+    """Text of a threshold: of a name or numbers as on the command line, a number, or a table of numbers by name."""
+    try:
+        if isinstance(value, dict):
+            return str(Threshold(**value))
+        return str(Threshold.of(f"{value}" if isinstance(value, float | int) else value))
+    except TypeError:
+        known = ", ".join(field.name for field in fields(Threshold))
+        raise ValueError(f"found {value!r}; expected a number for each of {known} that you give") from None
+    except OptionError as error:
+        raise ValueError(str(error).replace("threshold is", "found").removeprefix("threshold: ")) from None
 
 
 class Recordings(Table):
@@ -49,7 +63,7 @@ class Processing(Table):
     """Options of ``sounder process``. ``threads``, ``workers`` and ``scheduler`` do not change the products."""
 
     averaging: Averaging = Options.averaging
-    threshold: Threshold = Options.threshold
+    threshold: Annotated[str, BeforeValidator(_threshold)] = Options.threshold
     method: Method = Options.method
     omnidirectional: Omnidirectional = Options.omnidirectional
     keep_cir: bool = Options.keep_cir

@@ -35,7 +35,7 @@ def extract_mpcs(
     sounder: Sounder,
     *,
     distance: float = 0.0,
-    threshold: Threshold = "usc",
+    threshold: str | Threshold = "usc",
     method: Method = "sage",
     time: NDArray[np.float64] | None = None,
 ) -> xr.Dataset:
@@ -62,10 +62,12 @@ def extract_mpcs(
     distance : float
         Direct distance from TX to RX [m]. Delays are known modulo the period of the sequence. No path is shorter than
         the direct one, so that earlier delays are too short by a period.
-    threshold : {"usc", "nyu"}
-        ``usc``: noise floor + 12 dB, which noise alone exceeds once in 7 million samples (Gomez-Ponce et al.).
-        ``nyu``: the higher of strongest - 25 dB and noise floor + 5 dB (Sun et al.). Noise alone exceeds the second
-        in 4 % of the samples, so that positions with weak paths fill with noise.
+    threshold : str or Threshold
+        What counts as a path; see :class:`sounder.options.Threshold`. ``usc``: noise floor + 12 dB, which noise alone
+        exceeds once in 7 million samples (Gomez-Ponce et al.). ``nyu``: the higher of strongest - 25 dB and noise
+        floor + 5 dB (Sun et al.). Noise alone exceeds the second in 4 % of the samples, so that positions with weak
+        paths fill with noise. Or numbers: dB over the noise floor, dynamic range [dB], delay gate [s], as in
+        ``10,30,4e-7``. Paths later than the gate are subtracted from the beams, but not listed.
     method : {"sage", "clean", "peaks"}
         ``sage``: as above; overlapping paths are fitted in turn, each to the residual of the others (Fleury et al.,
         1999). ``clean``: each path is fitted once, before it is subtracted (Hogbom, 1974). ``peaks``: nothing is
@@ -79,7 +81,8 @@ def extract_mpcs(
     xarray.Dataset
         Along ``mpc``, strongest first, possibly of length 0: the columns of :func:`sounder.mpc.table.tabulate` and
         :func:`sounder.mpc.elevation_gain.with_elevation_gain`. Attributes: ``paths_outside_fan``, the number of paths
-        left out because only sidelobes see them, so that their angles are not known; ``complete``, 0 if more paths
+        left out because only sidelobes see them, so that their angles are not known; ``paths_beyond_gate``, the number
+        left out because they are later than the delay gate; ``complete``, 0 if more paths
         exceed the threshold than a table holds; ``period`` of the sequence [s], by whole numbers of which delays may
         be too short.
 
@@ -97,7 +100,7 @@ def extract_mpcs(
     >>> [f"{delay * 1e9:.1f} ns" for delay in mpcs["delay"].values]
     ['101.6 ns', '139.3 ns']
     """
-    require_choice("threshold", threshold, Threshold)
+    threshold = Threshold.of(threshold)
     require_choice("method", method, Method)
     scan = Scan.of(cir, filter_, sounder, threshold)
     effort = EFFORT[method]
@@ -116,8 +119,10 @@ def extract_mpcs(
     table = tabulate(found[located], scan, distance, inflation=inflation[located], clock=clock[located])
     table = with_elevation_gain(table, scan.directions, scan.pattern)
     period = scan.period / filter_.sample_rate
-    facts = {"threshold": threshold, "method": method, "complete": int(complete), "period": period}
-    return table.assign_attrs(facts, paths_outside_fan=int((~located).sum()))
+    late = table["delay"].values > threshold.delay_gate
+    facts = {"threshold": str(threshold), "method": method, "complete": int(complete), "period": period}
+    left_out = {"paths_outside_fan": int((~located).sum()), "paths_beyond_gate": int(late.sum())}
+    return table.isel(mpc=np.flatnonzero(~late)).assign_attrs(facts | left_out)
 
 
 def _cancel(

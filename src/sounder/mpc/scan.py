@@ -62,7 +62,7 @@ class Scan:
     sounder: Sounder
 
     @classmethod
-    def of(cls, cir: xr.Dataset, filter_: Deembedding, sounder: Sounder, threshold: Threshold = "usc") -> Self:
+    def of(cls, cir: xr.Dataset, filter_: Deembedding, sounder: Sounder, threshold: str | Threshold = "usc") -> Self:
         """Read the CIRs of a position.
 
         Parameters
@@ -71,13 +71,13 @@ class Scan:
             ``cir`` (azimuth, elevation, delay).
         filter_ : Deembedding
         sounder : Sounder
-        threshold : {"usc", "nyu"}
+        threshold : str or Threshold
             See :func:`sounder.mpc.threshold.detection_threshold`.
         """
         azimuth, elevation = (cir[axis].values.astype(float) for axis in ("azimuth", "elevation"))
         beams = np.ascontiguousarray(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64)
         noise = noise_power(np.abs(beams) ** 2).astype(float)
-        least = detection_threshold(beams, noise, threshold)
+        least = detection_threshold(beams, noise, Threshold.of(threshold))
         return cls(beams, azimuth, elevation, noise, least, filter_, sounder)
 
     @property

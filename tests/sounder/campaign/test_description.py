@@ -1,5 +1,6 @@
 """A campaign file finds its recordings, and its errors are reported in one line."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,27 @@ def test_recordings_and_calibration_are_all_that_must_be_said(campaign, tmp_path
     assert (made.map.ground, made.map.rx_std, made.map.georeference) == (0.0, 0.0, None)
     assert made.map.formats == ("h5", "geojson")
     assert made.figures.wanted("anybody")
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        ('"nyu"', "nyu"),
+        ("12", "usc"),
+        ('"10,30"', "10,30"),
+        ("{ noise_margin = 10, delay_gate = 4e-7 }", "10,inf,4e-07"),
+        ('"loud"', "processing.threshold: found 'loud'; expected one of usc, nyu, or numbers"),
+        ("{ noise = 10 }", "processing.threshold: found {'noise': 10}; expected a number for each of noise_margin"),
+        ("{ noise_margin = -1 }", "processing.threshold: noise_margin is -1; expected 0 or more"),
+    ],
+)
+def test_thresholds_are_names_or_numbers(campaign, value, expected):
+    text = f"{MINIMAL}[processing]\nthreshold = {value}"
+    if expected.startswith("processing"):
+        with pytest.raises(DataError, match=re.escape(expected)):
+            campaign(text)
+    else:
+        assert campaign(text).processing.options.threshold == expected
 
 
 @pytest.mark.parametrize(

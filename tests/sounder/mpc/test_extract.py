@@ -8,6 +8,7 @@ import pytest
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.waveform import held_template
 from sounder.mpc.extract import CAPACITY
+from sounder.options import Threshold
 
 from .extraction import GAUSSIAN, mpcs, near, strong, turn
 
@@ -273,6 +274,16 @@ def test_nyu_threshold_is_25_db_under_the_strongest(bench):
     paths = [(-100.0, 200e-9, 40.0, 0.0), (-120.0, 300e-9, 170.0, 0.0), (-130.0, 400e-9, 300.0, 0.0)]
     assert mpcs(bench, paths, noise=-140.0, threshold="nyu").sizes["mpc"] == 2
     assert near(mpcs(bench, paths, noise=-140.0), paths[2]).sizes["mpc"] == 1
+
+
+def test_thresholds_are_numbers(bench):
+    """The horn adds its gain to path gain, so that the second path is 45 dB over the noise of its beam at most."""
+    paths = [(-100.0, 200e-9, 40.0, 0.0), (-120.0, 300e-9, 170.0, 0.0), (-130.0, 400e-9, 300.0, 0.0)]
+    assert mpcs(bench, paths, noise=-140.0, threshold="50").sizes["mpc"] == 1
+    assert mpcs(bench, paths, noise=-140.0, threshold=Threshold(12.0, 25.0)).sizes["mpc"] == 2
+    gated = mpcs(bench, paths, noise=-140.0, threshold="12,inf,250e-9")
+    assert gated["delay"].values == pytest.approx([200e-9], abs=0.1e-9)
+    assert (gated.attrs["threshold"], gated.attrs["paths_beyond_gate"]) == ("12,inf,2.5e-07", 2)
 
 
 @pytest.mark.slow
