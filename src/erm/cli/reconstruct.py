@@ -48,6 +48,9 @@ def reconstruct(
     rx_std: Annotated[
         float, typer.Option(min=0.0, help="Standard error of each coordinate of the receivers [m].")
     ] = 0.0,
+    as_given: Annotated[
+        bool, typer.Option("--as-given", help="Take azimuths, delays and gains as they are, without calibration.")
+    ] = False,
 ) -> None:
     """Reconstruct the walls that reflected the MPCs."""
     inputs = {path for path in (*mpcs, add_to) if path is not None}
@@ -75,6 +78,7 @@ def reconstruct(
         min_support=min_support,
         ground_height=ground,
         rx_std=rx_std,
+        as_given=as_given,
     )
     write_map(environment, out, mpcs=with_images(table, located))
     if rps:

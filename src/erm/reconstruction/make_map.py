@@ -10,6 +10,7 @@ from erm.mpcs.options import Threshold
 from erm.mpcs.selection import select
 from erm.reconstruction.model.paths import IntArray
 from erm.reconstruction.reconstruct import reconstruct
+from erm.survey.calibration import apply, calibrate
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,8 +27,9 @@ def make_map(
     min_support: int = 3,
     ground_height: float = 0.0,
     rx_std: float = 0.0,
+    as_given: bool = False,
 ) -> tuple[Environment, "xr.Dataset"]:
-    """Select single reflections, reconstruct the map, and store its provenance in it.
+    """Calibrate, select single reflections, reconstruct the map, and store its provenance in it.
 
     Parameters
     ----------
@@ -43,6 +45,8 @@ def make_map(
         Options of `erm.select`.
     min_support : int
         Fewest antenna pairs that must share a wall.
+    as_given : bool
+        Take heading, clock and gain as the table gives them, without calibration (`erm.survey.calibration`).
 
     Returns
     -------
@@ -62,6 +66,8 @@ def make_map(
     >>> environment.reflectors.sizes["reflector"], environment.reflectors.attrs["history"]
     (1, 'example')
     """
+    if not as_given:
+        table = apply(table, calibrate(table))
     selected = select(
         table,
         threshold=threshold,
@@ -76,6 +82,7 @@ def make_map(
         "min_support": min_support,
         "ground_height": ground_height,
         "rx_std": rx_std,
+        "as_given": as_given,
     }
     origin = provenance("Reconstructed environment", history, inputs=inputs, options=options)
     environment.reflectors.attrs.update(origin)

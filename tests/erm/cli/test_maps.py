@@ -74,6 +74,7 @@ def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
         "min_support": 2,
         "ground_height": -1,
         "rx_std": 0,
+        "as_given": False,
     }
 
 

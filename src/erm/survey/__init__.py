@@ -1,0 +1,1 @@
+"""Errors of a survey: heading, clock and gain that all measurements share."""

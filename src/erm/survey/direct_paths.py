@@ -1,0 +1,191 @@
+"""Direct paths, found without knowing heading, clock or gain.
+
+If an MPC is a direct path, its length minus the distance of the antennas is the error of the clock, and its azimuth
+minus the direction of the transmitter is the error of the heading. Every MPC votes for such a pair ``(b, h)``; the pair
+on which most antenna pairs agree wins. For antenna pair ``p`` with MPCs ``i``, the likelihood ratio to "no direct path
+was received" is::
+
+    l_p = 1 - s + s sum_i w_i E_i N(b_i - b; sigma_b) N(h_i - h; sigma_h) / n
+
+with the share ``s`` of pairs with a direct path, the probability ``w_i`` that a direct path is this MPC of its pair
+(most are the first or the strongest one), the agreement ``E_i`` of its elevation with the heights of the antennas, and
+the density ``n`` of votes of other paths, uniform over all azimuths and over the lengths of the table. Errors of each
+position (of its place, heading and clock) widen ``sigma_b`` and ``sigma_h`` beyond the stated errors; they are
+estimated together with ``(b, h)`` by expectation-maximisation from several starts. The gain is not used except for its
+order within a pair: direct paths may be obstructed.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.geometry.vertical import FloatArray, angle_difference
+from erm.survey.observations import IntArray, Observations
+
+BoolArray = npt.NDArray[np.bool_]
+
+FIRST_AND_STRONGEST = 0.45
+"""Probability that a direct path is the first MPC of its pair, and that it is the strongest one; the rest is shared by
+all. Chosen."""
+ELEVATION_STD = 1.0
+"""Error of elevations beyond the stated one [degree]: a third of the tolerance of `erm.mpcs.selection`."""
+LEAST_ELEVATION_AGREEMENT = 0.02
+"""Agreement of an elevation that contradicts: all elevations may be wrong. Chosen."""
+SPREADS = ((0.0, 0.0), (0.1, 1.0), (0.3, 3.0), (1.0, 5.0))
+"""Errors of single positions with which the search starts [m], [degree]; chosen in steps of three."""
+USUAL_CLOCK, USUAL_HEADING = 1.0, 5.0
+"""Half of the common errors of surveys are below these: 3 ns [m], [degree]. Scales of Cauchy priors; chosen. Errors of
+a hundred times as much are found if five paths agree."""
+START_SHARE = 0.6
+"""Share of pairs with a direct path with which the search starts; chosen."""
+MAX_LINKS = 200
+"""Antenna pairs among which candidates are searched: more would not tell more; chosen for time."""
+STEPS = 40
+"""Most steps of expectation-maximisation."""
+
+
+class DirectPaths(NamedTuple):
+    """A pair (clock, heading) on which direct paths agree."""
+
+    clock: float
+    """Measured minus true [m]."""
+    heading: float
+    """Measured minus true [degree]."""
+    clock_spread: float
+    heading_spread: float
+    """Standard deviations of the errors of single positions, beyond those of the MPCs [m], [degree]."""
+    weight: FloatArray
+    """Probability (mpc,) that each MPC is a direct path."""
+    evidence: float
+    """Log-likelihood ratio to a table without direct paths, with the priors."""
+
+    @property
+    def number(self) -> float:
+        """Expected number of direct paths."""
+        return float(self.weight.sum())
+
+
+def find_direct_paths(seen: Observations, most: int = 8) -> list[DirectPaths]:
+    """Find the pairs (clock, heading) on which direct paths agree, the most likely one first.
+
+    Parameters
+    ----------
+    seen : Observations
+        MPCs of all antenna pairs.
+    most : int
+        Largest number of different pairs.
+    """
+    if not len(seen.link):
+        return []
+    votes = _Votes(seen)
+    found: list[DirectPaths] = []
+    for clock_spread, heading_spread in SPREADS:
+        ratio = np.array(
+            [
+                votes.evidence(votes.clock[i], votes.heading[i], clock_spread, heading_spread, START_SHARE)
+                for i in votes.candidates
+            ]
+        )
+        left = np.ones(len(ratio), dtype=bool)
+        for _ in range(2 if found else most):
+            if not left.any():
+                break
+            i = votes.candidates[left][np.argmax(ratio[left])]
+            found.append(votes.maximise(votes.clock[i], votes.heading[i], clock_spread, heading_spread))
+            left &= ~_same(votes.clock[votes.candidates], votes.heading[votes.candidates], found[-1], 4.0)
+    found.sort(key=lambda one: -one.evidence)
+    distinct: list[DirectPaths] = []
+    for one in found:
+        if not any(_same(one.clock, one.heading, other, 2.0) for other in distinct):
+            distinct.append(one)
+    return distinct[:most]
+
+
+def _same(clock: FloatArray | float, heading: FloatArray | float, found: DirectPaths, sigmas: float) -> BoolArray:
+    near = np.abs(np.asarray(clock) - found.clock) < max(sigmas * found.clock_spread, 0.1)
+    return near & (np.abs(angle_difference(heading, found.heading)) < max(sigmas * found.heading_spread, 1.0))
+
+
+class _Votes:
+    """Votes of all MPCs for clock and heading."""
+
+    def __init__(self, seen: Observations) -> None:
+        self.seen = seen
+        self.clock, self.heading = seen.excess_length, seen.excess_azimuth
+        links = len(seen.tx)
+        first = _extreme(seen.length, seen.link, links) == seen.length
+        loudness = np.where(np.isnan(seen.gain), -np.inf, seen.gain)
+        strongest = (_extreme(-loudness, seen.link, links) == -loudness) & np.isfinite(loudness)
+        weight = FIRST_AND_STRONGEST * (first.astype(float) + strongest)
+        weight += (1 - 2 * FIRST_AND_STRONGEST) / np.bincount(seen.link)[seen.link]
+        self.range = float(np.ptp(self.clock)) + 10 * USUAL_CLOCK
+        difference = (seen.tx - seen.rx)[seen.link]
+        elevation = np.rad2deg(np.arctan2(difference[:, 2], np.hypot(difference[:, 0], difference[:, 1])))
+        deviation = (seen.elevation - elevation) / np.hypot(seen.elevation_std, ELEVATION_STD)
+        agreement = np.where(np.isnan(deviation), 1.0, np.exp(-(deviation**2) / 2))
+        weight *= np.maximum(agreement, LEAST_ELEVATION_AGREEMENT)
+        self.weight = weight * self.range * 360 / (2 * np.pi)
+        few = np.unique(np.linspace(0, links - 1, min(links, MAX_LINKS)).astype(int))
+        promising = np.isin(seen.link, few) & (first | strongest | (_rank(seen.length, seen.link) < 3))
+        self.candidates: IntArray = np.flatnonzero(promising)
+
+    def ratios(self, clock: float, heading: float, clock_std: FloatArray, heading_std: FloatArray) -> FloatArray:
+        """Likelihood ratio (mpc,) to another path, if the pair has a direct path."""
+        chi = ((self.clock - clock) / clock_std) ** 2 + (angle_difference(self.heading, heading) / heading_std) ** 2
+        return self.weight * np.exp(-chi / 2) / (clock_std * heading_std)
+
+    def stds(self, clock_spread: float, heading_spread: float) -> tuple[FloatArray, FloatArray]:
+        """Standard deviations (mpc,) of the votes of direct paths."""
+        return np.hypot(self.seen.length_std, clock_spread), np.hypot(self.seen.azimuth_std, heading_spread)
+
+    def evidence(self, clock: float, heading: float, clock_spread: float, heading_spread: float, share: float) -> float:
+        """Log-likelihood ratio to a table without direct paths, with the priors."""
+        ratio = self.ratios(clock, heading, *self.stds(clock_spread, heading_spread))
+        pair = 1 - share + share * np.bincount(self.seen.link, ratio, minlength=len(self.seen.tx))
+        prior = np.log1p((clock / USUAL_CLOCK) ** 2) + np.log1p((angle_difference(heading, 0) / USUAL_HEADING) ** 2)
+        return float(np.log(pair).sum() - prior)
+
+    def maximise(self, clock: float, heading: float, clock_spread: float, heading_spread: float) -> DirectPaths:
+        """Climb to the maximum of the likelihood by expectation-maximisation."""
+        share, links = START_SHARE, len(self.seen.tx)
+        for _ in range(STEPS):
+            clock_std, heading_std = self.stds(clock_spread, heading_spread)
+            ratio = share * self.ratios(clock, heading, clock_std, heading_std)
+            pair = 1 - share + np.bincount(self.seen.link, ratio, minlength=links)
+            weight = ratio / pair[self.seen.link]
+            total = weight.sum()
+            before = clock, heading
+            clock += np.average(self.clock - clock, weights=weight / clock_std**2)
+            heading += np.average(angle_difference(self.heading, heading), weights=weight / heading_std**2)
+            # a flat prior of one path keeps the spreads away from 0 and 1
+            share = (total + 1) / (links + 2)
+            clock_spread = _spread(self.clock - clock, self.seen.length_std, weight)
+            heading_spread = _spread(angle_difference(self.heading, heading), self.seen.azimuth_std, weight)
+            if abs(clock - before[0]) < 1e-5 and abs(heading - before[1]) < 1e-4:
+                break
+        evidence = self.evidence(clock, heading, clock_spread, heading_spread, share)
+        heading = float(angle_difference(heading, 0))
+        return DirectPaths(float(clock), heading, clock_spread, heading_spread, weight, evidence)
+
+
+def _spread(residual: FloatArray, std: FloatArray, weight: FloatArray) -> float:
+    """Standard deviation of a common error beyond those of the MPCs, by moments."""
+    excess = np.sum(weight * (residual**2 - std**2)) / weight.sum()
+    return float(np.sqrt(max(excess, 0.0)))
+
+
+def _extreme(values: FloatArray, link: IntArray, links: int) -> FloatArray:
+    """Smallest value (mpc,) of the MPC's antenna pair."""
+    least = np.full(links, np.inf)
+    np.minimum.at(least, link, values)
+    return least[link]
+
+
+def _rank(values: FloatArray, link: IntArray) -> IntArray:
+    """Rank (mpc,) within the antenna pair, from the smallest value."""
+    order = np.lexsort((values, link))
+    starts = np.searchsorted(link[order], np.arange(link.max(initial=-1) + 1))
+    rank = np.empty(len(link), dtype=np.int64)
+    rank[order] = np.arange(len(link)) - starts[link[order]]
+    return rank

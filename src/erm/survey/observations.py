@@ -1,0 +1,86 @@
+"""The columns of an MPC table that tell about errors of a survey, as arrays."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.common.constants import c
+from erm.geometry.vertical import FloatArray, angle_difference, azimuth_of
+from erm.mpcs.antenna_pairs import links
+from erm.mpcs.standard_errors import ASSUMED, SMALLEST_ERRORS
+from erm.mpcs.table import path_length
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Observations:
+    """MPCs of all antenna pairs: lengths in metres, angles in degrees."""
+
+    link: IntArray
+    """Index (mpc,) of the antenna pair."""
+    length: FloatArray
+    """Delay times the speed of light (mpc,) [m]."""
+    azimuth: FloatArray
+    elevation: FloatArray
+    """Angles (mpc,) [degree]; the elevation is NaN where it is unknown."""
+    gain: FloatArray
+    """Path gain (mpc,) [dB]; NaN where it is unknown."""
+    frequency: FloatArray
+    """[Hz]"""
+    length_std: FloatArray
+    azimuth_std: FloatArray
+    elevation_std: FloatArray
+    """Standard errors (mpc,) [m], [degree]; assumed ones where the table has none."""
+    tx: FloatArray
+    rx: FloatArray
+    """Places (link, 3) of the antennas [m]."""
+
+    @classmethod
+    def of(cls, table: "xr.Dataset") -> "Observations":
+        """Read a table."""
+        link = links(table)
+        _, first = np.unique(link, return_index=True)
+        assumed = (ASSUMED.delay, ASSUMED.azimuth, ASSUMED.elevation)
+        stds = [
+            np.maximum(np.where(np.isnan(std), usual, std), least)
+            for std, usual, least in zip(
+                (table[f"{name}_std"].values for name in ("delay", "azimuth", "elevation")),
+                assumed,
+                SMALLEST_ERRORS,
+                strict=True,
+            )
+        ]
+        return cls(
+            link=link,
+            length=path_length(table),
+            azimuth=table["azimuth"].values,
+            elevation=table["elevation"].values,
+            gain=table["path_gain"].values,
+            frequency=table["frequency"].values,
+            length_std=stds[0] * c,
+            azimuth_std=stds[1],
+            elevation_std=stds[2],
+            tx=table["tx_position"].values[first],
+            rx=table["rx_position"].values[first],
+        )
+
+    @property
+    def distance(self) -> FloatArray:
+        """Distance (link,) of the antennas [m]."""
+        return np.asarray(np.linalg.norm(self.tx - self.rx, axis=-1))
+
+    @property
+    def excess_length(self) -> FloatArray:
+        """Length (mpc,) beyond that of the direct path [m]: the clock's error, if the path is the direct one."""
+        return self.length - self.distance[self.link]
+
+    @property
+    def excess_azimuth(self) -> FloatArray:
+        """Azimuth (mpc,) from the direction of the transmitter [degree]: the heading's error of a direct path."""
+        return angle_difference(self.azimuth, azimuth_of(self.tx - self.rx)[self.link])
