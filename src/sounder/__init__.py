@@ -19,7 +19,7 @@ with the recording of two paths that comes with the package:
 >>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
 >>> [job], failures = sounder.gather(recordings, calibration=b2b)
 >>> deembedding = sounder.calibrate(job.b2b, job.recording)
->>> cir, problems = sounder.impulse_responses(job.recording, deembedding)
+>>> cir, remarks = sounder.impulse_responses(job.recording, deembedding)
 >>> spectrum = sounder.daps(cir, job.recording.sounder)
 >>> mpcs = sounder.extract_mpcs(cir, deembedding, job.recording.sounder)
 >>> mpcs.sizes["mpc"]

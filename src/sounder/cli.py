@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -68,18 +69,22 @@ def info(
     layout: Layout = None,
     sounder: Description = None,
     each: Annotated[bool, typer.Option("--each", help="Show all details of each position.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show the content of a file and the problems in its data."""
-    from sounder.processing.summary import HEADER, Table, describe_file, describe_foreign_file
+    from sounder.processing.summary import HEADER, Table, describe_file, describe_foreign_file, remarks_of
 
     tables: list[Table] = []
     failures: list[str] = []
     if layout is None:
         tables.append((HEADER, describe_file(file)))
     else:
-        tables, failures = describe_foreign_file(file, layout, sounder, in_full=each)
-    for header, rows in tables:
-        console.show(header, rows)
+        tables, failures = describe_foreign_file(file, layout, sounder, in_full=each or as_json)
+    if as_json:
+        _print_info(tables, remarks_of(file) if layout is None else [])
+    else:
+        for header, rows in tables:
+            console.show(header, rows)
     console.report_failures(failures)
 
 
@@ -130,6 +135,9 @@ def process(
         Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of all beams, or strongest beam.")
     ] = Options.omnidirectional,
     keep_cir: Annotated[bool, typer.Option("--keep-cir", help="Keep the impulse responses in the products.")] = False,
+    trust_all: Annotated[
+        bool, typer.Option("--trust-all", help="Mend and leave out nothing that is doubtful; only say it.")
+    ] = False,
     threads: Annotated[
         int | None, typer.Option(min=1, help="Threads in each process; default: one for each processor.")
     ] = None,
@@ -143,7 +151,7 @@ def process(
     from sounder.processing.jobs import gather
     from sounder.processing.pipeline import process
 
-    options = Options(averaging, threshold, method, omnidirectional, keep_cir)
+    options = Options(averaging, threshold, method, omnidirectional, keep_cir, trust_all)
     jobs, failures = gather(recordings, calibration=calibration, layout=layout, sounder=sounder)
     with console.progress("processing positions", len(jobs)) as advance:
         outcome = process(
@@ -233,6 +241,19 @@ def score(
     if out:
         print(f"{out}: {len(write_score(result, out))} files", file=sys.stderr if as_json else sys.stdout)
     console.report_failures(problems)
+
+
+def _print_info(tables: Sequence[tuple[Sequence[str], Iterable[Sequence[object]]]], remarks: list[Any]) -> None:
+    """Print what `sounder info` shows as JSON: labels and texts of each table, and the remarks one by one."""
+    import json
+
+    contents: list[dict[str, Any]] = []
+    for _, rows in tables:
+        texts: dict[str, Any] = {}
+        for label, text in rows:
+            texts.setdefault(str(label), []).append(text)
+        contents.append({label: each[0] if len(each) == 1 else each for label, each in texts.items()})
+    print(json.dumps({"contents": contents, "remarks": remarks}, indent=2))
 
 
 def _print_score(summary: dict[str, Any], as_json: bool) -> None:

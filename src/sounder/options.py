@@ -113,6 +113,8 @@ class Options:
         How the omnidirectional PDP is made; see :func:`sounder.cir.power_spectrum.daps`.
     keep_cir : bool
         Keep the impulse responses in the product.
+    trust_all : bool
+        Say what is doubtful, but neither mend nor leave out anything.
 
     Raises
     ------
@@ -136,6 +138,7 @@ class Options:
     method: Method = "sage"
     omnidirectional: Omnidirectional = "sum"
     keep_cir: bool = False
+    trust_all: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "threshold", str(Threshold.of(self.threshold)))

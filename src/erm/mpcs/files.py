@@ -28,6 +28,8 @@ PRODUCT = "a product of `sounder process`"
 BLANK_ALLOWED = ("los", "elevation", *OPTIONAL)
 TIMING_TOLERANCE = 1e-9
 """A path may be this much shorter than the direct one: errors of timing and surveying, 0.3 m [s]; chosen."""
+UNKNOWN_GAIN_STD = 100.0
+"""Standard deviation of a path gain that its product marks as doubtful [dB]: more than paths of a position differ."""
 MAX_DELAY = 1e-3
 """Longest delay that is accepted, 300 km [s]. A longer one is in a wrong unit."""
 
@@ -134,6 +136,9 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
 def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     """Read the MPCs of one product of ``sounder process``.
 
+    Its attribute ``doubts`` names what the checks of the recording made doubtful. A doubtful gain gets a large standard
+    deviation, a doubtful elevation is left out. With a doubtful delay, azimuth or position all rows are left out.
+
     Returns
     -------
     table : xarray.Dataset
@@ -165,7 +170,15 @@ def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
         | {end: np.ravel(root[end].values) for end in ("tx_position", "rx_position")}
         | columns_of_product(mpc)
     )
-    return _checked(table, path, {}, first_line=0)
+    doubts = str(root.attrs.get("doubts", "")).split()
+    if "path_gain" in doubts:
+        table["path_gain_std"][:] = UNKNOWN_GAIN_STD
+    if "elevation" in doubts:
+        for name in ("elevation", "elevation_std", "gain_slope", "gain_curvature"):
+            table[name][:] = np.nan
+    doubtful = bool({"delay", "azimuth", "position"} & set(doubts))
+    rule = f"the product marks {' and '.join(doubts)} as doubtful; see sounder info, or process with --trust-all"
+    return _checked(table, path, {rule: np.full(table.sizes["mpc"], doubtful)}, first_line=0)
 
 
 def write_mpcs(table: "xr.Dataset", path: Path | str) -> None:

@@ -67,6 +67,7 @@ class Processing(Table):
     method: Method = Options.method
     omnidirectional: Omnidirectional = Options.omnidirectional
     keep_cir: bool = Options.keep_cir
+    trust_all: bool = Options.trust_all
     threads: Annotated[int | None, Field(ge=1)] = None
     workers: Annotated[int, Field(ge=1)] = 1
     scheduler: str | None = None
@@ -74,7 +75,8 @@ class Processing(Table):
     @property
     def options(self) -> Options:
         """Options that every product stores."""
-        return Options(self.averaging, self.threshold, self.method, self.omnidirectional, self.keep_cir)
+        names = (field.name for field in fields(Options))
+        return Options(**{name: getattr(self, name) for name in names})
 
 
 class Map(Table):

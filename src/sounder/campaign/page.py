@@ -11,12 +11,14 @@ import xarray as xr
 
 from erm.common.console import counted
 from erm.common.page import Page, cell
-from erm.common.storage import SOFTWARE
+from erm.common.storage import SOFTWARE, open_group
 from erm.mpcs.reasons import Reason, count_reasons
 from sounder.campaign.result import POINTS, PRODUCTS, TABLE
 from sounder.instrument.description import Sounder
 from sounder.processing.recording_summary import describe_sounder
 from sounder.processing.summary_texts import line_of_sight
+from sounder.quality.table import read_remarks
+from sounder.remark import lines
 
 if TYPE_CHECKING:
     from sounder.campaign.result import CampaignResult
@@ -64,7 +66,8 @@ class _Position:
         self.product, self.attributes = product, root.attrs
         self.name = str(root["position"].item())
         self.tx, self.rx = (root[f"{end}_position"].values[0] for end in ("tx", "rx"))
-        self.failures, self.notes = (json.loads(root.attrs[name]) for name in ("failures", "notes"))
+        remarks, recorded = read_remarks(open_group(product, "/quality")), int(root.attrs["recorded_directions"])
+        self.failures, self.notes = (lines(remarks, recorded, failures=which) for which in (True, False))
         rows = np.flatnonzero(result.table["position"].values == self.name)
         self.table, self.located = result.table.isel(mpc=rows), result.located.isel(mpc=rows)
 

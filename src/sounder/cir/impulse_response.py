@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,32 +17,10 @@ from sounder.kernels.correlation.clipping import count_rails
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.options import Averaging, require_choice
 from sounder.recordings.recording import CLIPPED_SHARE, BackToBack, Captures, Recording, clipped_share
+from sounder.remark import Code, Remark
 
 BLOCK_BYTES = 2**20
 """Size of the blocks in which captures are read. They fit the second-level cache of a processor."""
-
-
-@dataclass(frozen=True)
-class Problem:
-    """What is wrong with the captures of one direction.
-
-    Attributes
-    ----------
-    azimuth, elevation : float
-        Direction [degree].
-    what : str
-        What was found.
-    action : str
-        What was done about it, or is to be done.
-    share : float
-        Share of the samples that are affected [1].
-    """
-
-    azimuth: float
-    elevation: float
-    what: str
-    action: str
-    share: float = 1.0
 
 
 def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
@@ -94,7 +72,7 @@ def impulse_responses(
     *,
     averaging: Averaging = "coherent",
     threads: int | None = None,
-) -> tuple[xr.Dataset, list[Problem]]:
+) -> tuple[xr.Dataset, list[Remark]]:
     """Correlate, average and de-embed the captures of every direction.
 
     Captures are read in blocks of about :data:`BLOCK_BYTES`, so memory does not grow with the recording. One thread
@@ -119,7 +97,7 @@ def impulse_responses(
         was recorded. ``delay`` is the propagation delay [s], modulo the period of the sequence. Coherent averaging adds
         ``coherence`` (azimuth, elevation): power of the mean over mean power, at the strongest delay; 1 for a stable
         phase, one over the number of snapshots for a random phase.
-    problems : list of Problem
+    remarks : list of Remark
         Directions whose samples are all zero or not finite (left out) or clipped (used).
 
     Raises
@@ -134,7 +112,7 @@ def impulse_responses(
     >>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
     >>> [job], _ = sounder.gather(recordings, calibration=b2b)
     >>> deembedding = sounder.calibrate(job.b2b, job.recording)
-    >>> cir, problems = sounder.impulse_responses(job.recording, deembedding)
+    >>> cir, remarks = sounder.impulse_responses(job.recording, deembedding)
     >>> strongest = abs(cir["cir"]).sel(azimuth=10, elevation=0)
     >>> f"{float(strongest.idxmax()) * 1e9:.1f} ns"  # the direct path takes 101.6 ns, the samples are 0.83 ns apart
     '101.7 ns'
@@ -145,7 +123,7 @@ def impulse_responses(
     shape = (recording.azimuth.size, recording.elevation.size)
     cir = np.full((*shape, waveform.samples), np.nan + 0j, np.complex64)
     coherence = np.full(shape, np.nan)
-    problems: list[Problem] = []
+    remarks: list[Remark] = []
 
     def average(place: NDArray[np.intp]) -> DirectionAverage:
         blocks = _Blocks(recording, int(place[1]), int(place[0]))
@@ -156,7 +134,7 @@ def impulse_responses(
         for (e, a), direction in zip(places, pool.map(average, places), strict=True):
             if direction.problem:
                 azimuth, elevation = float(recording.azimuth[a]), float(recording.elevation[e])
-                problems.append(Problem(azimuth, elevation, *direction.problem))
+                remarks.append(replace(direction.problem, azimuth=azimuth, elevation=elevation))
             if direction.mean is not None and np.isfinite(direction.mean).all():
                 cir[a, e] = direction.mean * 10 ** (-recording.agc_gain[a, e] / 20)
                 coherence[a, e] = direction.coherence
@@ -164,7 +142,7 @@ def impulse_responses(
         for a in range(len(cir)):
             cir[a] = deembedding.apply(cir[a])
     if np.isnan(cir).all():
-        what = problems[0].what if problems else "no direction was recorded"
+        what = remarks[0].meaning if remarks else "no direction was recorded"
         raise DataError(f"{recording.source}: {recording.name}: {what}, in all directions; record the position again")
     dataset = xr.Dataset(
         {
@@ -183,12 +161,9 @@ def impulse_responses(
     )
     if averaging == "coherent":
         dataset["coherence"] = (("azimuth", "elevation"), coherence, COHERENCE)
-    return dataset, problems
+    return dataset, remarks
 
 
-ALL_ZERO = ("all samples are zero", "left out", 1.0)
-NOT_FINITE = ("samples are NaN or infinite", "left out", 1.0)
-CLIPPED = ("samples are clipped", "lower the receiver gain")
 AZIMUTH = {"units": "degree", "long_name": "horn azimuth, counter-clockwise from east"}
 ELEVATION = {"units": "degree", "long_name": "horn elevation above the horizon"}
 DELAY = {"units": "s", "long_name": "propagation delay"}
@@ -203,7 +178,7 @@ class DirectionAverage(NamedTuple):
 
     mean: NDArray[np.complexfloating] | None
     coherence: float
-    problem: tuple[str, str, float] | None
+    problem: Remark | None
 
 
 class _Blocks:
@@ -234,14 +209,14 @@ class _Blocks:
             yield captures
 
     @property
-    def problem(self) -> tuple[str, str, float] | None:
-        """What is wrong with the captures read so far: the last three fields of :class:`Problem`."""
+    def problem(self) -> Remark | None:
+        """What is wrong with the captures read so far, without their direction."""
         if not self._finite:
-            return NOT_FINITE
+            return Remark(Code.NOT_FINITE)
         if not self.signal:
-            return ALL_ZERO
+            return Remark(Code.ALL_ZERO)
         if self._clipped > CLIPPED_SHARE * self._numbers:
-            return (*CLIPPED, self._clipped / self._numbers)
+            return Remark(Code.CLIPPED, figure=self._clipped / self._numbers, bound=CLIPPED_SHARE)
         return None
 
 
@@ -250,7 +225,7 @@ def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: De
     for captures in blocks:
         sums.add(captures)
     if not blocks.signal:
-        return DirectionAverage(None, np.nan, ALL_ZERO)
+        return DirectionAverage(None, np.nan, blocks.problem)
     mean, power = sums.result()
     strongest = int(np.argmax(power))
     coherence = float(np.abs(mean[strongest]) ** 2 / power[strongest])

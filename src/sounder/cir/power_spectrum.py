@@ -73,7 +73,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
     >>> from sounder import shipped
     >>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
     >>> [job], _ = sounder.gather(recordings, calibration=b2b)
-    >>> cir, problems = sounder.impulse_responses(job.recording, sounder.calibrate(job.b2b, job.recording))
+    >>> cir, remarks = sounder.impulse_responses(job.recording, sounder.calibrate(job.b2b, job.recording))
     >>> spectrum = sounder.daps(cir, job.recording.sounder)
     >>> spectrum["daps"].dims
     ('azimuth', 'elevation', 'delay')

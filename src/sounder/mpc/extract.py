@@ -95,7 +95,7 @@ def extract_mpcs(
     >>> recordings, b2b = [shipped.calibration("recording-132ghz.h5")], shipped.calibration("back-to-back-132ghz.h5")
     >>> [job], _ = sounder.gather(recordings, calibration=b2b)
     >>> deembedding = sounder.calibrate(job.b2b, job.recording)
-    >>> cir, problems = sounder.impulse_responses(job.recording, deembedding)
+    >>> cir, remarks = sounder.impulse_responses(job.recording, deembedding)
     >>> mpcs = sounder.extract_mpcs(cir, deembedding, job.recording.sounder)
     >>> [f"{delay * 1e9:.1f} ns" for delay in mpcs["delay"].values]
     ['101.6 ns', '139.3 ns']

@@ -1,6 +1,5 @@
 """One position: from its recording to its product, or to an error."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,15 @@ import xarray as xr
 from erm.common.errors import DataError
 from erm.common.storage import open_group, provenance, write_product
 from sounder.cir.deembedding import Deembedding
-from sounder.cir.impulse_response import Problem, calibrate, impulse_responses
+from sounder.cir.impulse_response import calibrate, impulse_responses
 from sounder.cir.power_spectrum import daps
 from sounder.mpc.extract import extract_mpcs
 from sounder.options import Options
-from sounder.processing import remarks
 from sounder.processing.jobs import Job
+from sounder.processing.remarks import remarks_on_position
+from sounder.quality.table import read_remarks, tabulate_remarks
 from sounder.recordings.recording import Recording
+from sounder.remark import Remark, doubts, lines
 
 
 @dataclass
@@ -63,13 +64,12 @@ def process_position(
     """Process one position into its product. Errors of its data are returned, not raised."""
     recording = job.recording
     try:
-        groups, problems = process_recording(recording, filters.get(job), options, threads=threads)
-        lines = {"failures": remarks.failures(recording, groups, problems), "notes": remarks.notes(recording, groups)}
-        groups["/"].attrs.update(_provenance(job, options), **{name: json.dumps(each) for name, each in lines.items()})
+        groups, remarks = process_recording(recording, filters.get(job), options, threads=threads)
+        groups["/"].attrs.update(_provenance(job, options))
         write_product(groups, target)
     except DataError as error:
         return Outcome(failures=[str(error)])
-    return _outcome(recording, target, lines)
+    return _outcome(recording, target, remarks)
 
 
 def existing_product(job: Job, target: Path, options: Options) -> Outcome | None:
@@ -81,7 +81,7 @@ def existing_product(job: Job, target: Path, options: Options) -> Outcome | None
     recording = job.recording
     try:
         root = open_group(target)
-        lines = {name: list(json.loads(root.attrs[name])) for name in ("failures", "notes")}
+        remarks = read_remarks(open_group(target, "/quality"))
         found = root["position"].values.tolist(), *(root[f"{end}_position"].values.tolist() for end in ("tx", "rx"))
     except (DataError, KeyError, TypeError, ValueError):  # made by another version, or by other software
         return None
@@ -90,35 +90,39 @@ def existing_product(job: Job, target: Path, options: Options) -> Outcome | None
     origin = _provenance(job, options) | {"sounder": recording.sounder.model_dump_json()}
     if found != expected or any(root.attrs.get(name) != value for name, value in origin.items()):
         return None
-    return _outcome(recording, target, lines, already=1)
+    return _outcome(recording, target, remarks, already=1)
 
 
-def _outcome(recording: Recording, target: Path, lines: dict[str, list[str]], already: int = 0) -> Outcome:
-    named = {name: [f"{recording.source}: {recording.name}: {line}" for line in each] for name, each in lines.items()}
-    return Outcome([target], named["failures"], named["notes"], already)
+def _outcome(recording: Recording, target: Path, remarks: list[Remark], already: int = 0) -> Outcome:
+    recorded = int(recording.valid.sum())
+    failures, notes = (
+        [f"{recording.source}: {recording.name}: {line}" for line in lines(remarks, recorded, failures=which)]
+        for which in (True, False)
+    )
+    return Outcome([target], failures, notes, already)
 
 
 def process_recording(
     recording: Recording, filter_: Deembedding, options: Options, *, threads: int | None = None
-) -> tuple[dict[str, xr.Dataset], list[Problem]]:
+) -> tuple[dict[str, xr.Dataset], list[Remark]]:
     """Process one position in memory.
 
     Returns
     -------
     groups : dict of str to xarray.Dataset
-        Groups of the product: ``/``, ``/daps``, ``/mpc`` and, with ``options.keep_cir``, ``/cir``.
-    problems : list of Problem
-        What is wrong with single directions.
+        Groups of the product: ``/``, ``/daps``, ``/mpc``, ``/quality`` and, with ``options.keep_cir``, ``/cir``.
+    remarks : list of Remark
+        What is wrong with the position and its directions, as in ``/quality``.
 
     Raises
     ------
     DataError
         No direction of the recording can be used.
     """
-    cir, problems = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
+    cir, remarks = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
     distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
     groups = {
-        "/": _root(recording, problems),
+        "/": _root(recording, remarks),
         "/daps": daps(cir, recording.sounder, omnidirectional=options.omnidirectional),
         "/mpc": extract_mpcs(
             cir,
@@ -130,12 +134,16 @@ def process_recording(
             time=recording.time,
         ),
     }
+    remarks += remarks_on_position(recording, groups)
+    if not options.trust_all:
+        groups["/"].attrs["doubts"] = " ".join(doubts(remarks))
+    groups["/quality"] = tabulate_remarks(remarks)
     if options.keep_cir:
         groups["/cir"] = cir
-    return groups, problems
+    return groups, remarks
 
 
-def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
+def _root(recording: Recording, remarks: list[Remark]) -> xr.Dataset:
     return xr.Dataset(
         {
             f"{end}_position": (
@@ -150,8 +158,10 @@ def _root(recording: Recording, problems: list[Problem]) -> xr.Dataset:
             "frequency": recording.sounder.carrier.frequency,
             "los": recording.los,
             "sounder": recording.sounder.model_dump_json(),
+            "recorded_directions": int(recording.valid.sum()),
             "missing_directions": len(recording.missing),
-            "problem_directions": len(problems),
+            "doubts": "",
+            "problem_directions": len({(r.azimuth, r.elevation) for r in remarks if r.of_direction}),
         },
     )
 

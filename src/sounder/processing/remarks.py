@@ -1,79 +1,52 @@
-"""Failures and notes about a processed position: bad or missing directions, phase drift, impossible gains."""
+"""Remarks about a processed position as a whole: missing directions, phase drift, impossible gains."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
 
 from erm.common.constants import c
-from sounder.cir.impulse_response import Problem
 from sounder.recordings.recording import Recording
+from sounder.remark import Code, Remark, named
 
 MIN_COHERENCE = 0.5
 """Share of the power of the strongest direction that coherent averaging must keep. Half: a loss of 3 dB. Chosen; not
 derived."""
 FREE_SPACE_MARGIN = 3.0
 """Gain over free space that an MPC may have, besides two of its standard deviations [dB]. Chosen; not derived."""
-MAX_NAMED_DIRECTIONS = 3
-"""Directions that a line names; it counts the others. Chosen; not derived."""
 
 
-def failures(recording: Recording, groups: Mapping[str, xr.Dataset], problems: Sequence[Problem]) -> list[str]:
-    """One line for each kind of failure in a position. Its product is written nevertheless.
+def remarks_on_position(recording: Recording, groups: Mapping[str, xr.Dataset]) -> list[Remark]:
+    """Remarks about a position as a whole. Its product is written nevertheless.
 
     Parameters
     ----------
     recording : Recording
     groups : mapping of str to xarray.Dataset
         Groups of the product.
-    problems : sequence of Problem
-        Problems of single directions.
     """
-    kinds = dict.fromkeys((problem.what, problem.action) for problem in problems)
-    lines = [_problem_line(recording, problems, *kind) for kind in kinds]
-    if (impossible := _over_free_space(groups["/mpc"], recording)) is not None:
-        lines.append(impossible)
-    return lines
-
-
-def notes(recording: Recording, groups: Mapping[str, xr.Dataset]) -> list[str]:
-    """One line for each thing without which the position was processed."""
-    lines = []
+    remarks = []
+    if (impossible := over_free_space(groups["/mpc"], recording)) is not None:
+        remarks.append(impossible)
     if missing := recording.missing:
         scan = recording.sounder.scan
-        lines.append(
-            f"{len(missing)} of {len(scan.azimuth) * len(scan.elevation)} directions missing: {_named(missing)}; "
-            "processed without them"
-        )
+        every = len(scan.azimuth) * len(scan.elevation)
+        detail = f"{len(missing)} of {every} directions missing: {named(missing)}"
+        remarks.append(Remark(Code.DIRECTIONS_MISSING, figure=len(missing) / every, bound=0.0, detail=detail))
     if not groups["/mpc"].attrs["complete"]:
-        lines.append("more paths than an MPC table holds; the weakest are left out")
+        remarks.append(Remark(Code.TABLE_FULL))
     kept = _coherence(groups["/daps"])
     if kept < MIN_COHERENCE:
-        lines.append(
-            f"coherent averaging keeps {100 * kept:.0f} % of the power of the strongest direction; "
-            "the phase drifts between snapshots: try --averaging phase-aligned"
+        detail = (
+            f"coherent averaging keeps {100 * kept:.0f} % of the power of the strongest direction; the phase drifts "
+            "between snapshots"
         )
-    return lines
+        remarks.append(Remark(Code.PHASE_DRIFT, figure=kept, bound=MIN_COHERENCE, detail=detail))
+    return remarks
 
 
-def _problem_line(recording: Recording, problems: Sequence[Problem], what: str, action: str) -> str:
-    """One kind of problem, with the directions that have it."""
-    alike = [problem for problem in problems if (problem.what, problem.action) == (what, action)]
-    worst = max(problem.share for problem in alike)
-    share = "" if worst == 1 else f" (up to {100 * worst:.1f} %)"
-    recorded = int(recording.valid.sum())
-    where = _named([(problem.azimuth, problem.elevation) for problem in alike])
-    return f"{what}{share} in {len(alike)} of {recorded} directions: {where}; {action}"
-
-
-def _named(directions: Sequence[tuple[float, float]]) -> str:
-    shown = ", ".join(f"({a:g}, {e:g})" for a, e in directions[:MAX_NAMED_DIRECTIONS])
-    more = f" and {len(directions) - MAX_NAMED_DIRECTIONS} more" if len(directions) > MAX_NAMED_DIRECTIONS else ""
-    return f"(azimuth, elevation) {shown}{more}"
-
-
-def _over_free_space(mpc: xr.Dataset, recording: Recording) -> str | None:
-    """Line about the MPC whose gain exceeds free space most, if no path can have this gain.
+def over_free_space(mpc: xr.Dataset, recording: Recording) -> Remark | None:
+    """Remark about the MPC whose gain exceeds free space most, if no path can have this gain.
 
     A path of length ``c delay`` between isotropic antennas has at most the gain ``(c / (4 pi f c delay))**2``: plane
     and convex faces, edges and air reduce it. If an MPC has more, its delay or its gain is wrong, and so are all delays
@@ -98,11 +71,11 @@ def _over_free_space(mpc: xr.Dataset, recording: Recording) -> str | None:
     worst = int(np.argmax(beyond))
     if beyond[worst] <= 0:
         return None
-    return (
+    detail = (
         f"the MPC at {delay[worst] * 1e9:.2f} ns has a path gain of {gain[worst]:.1f} dB; free space over "
-        f"{delay[worst] * c:.1f} m allows {gain[worst] - excess[worst]:.1f} dB: check the positions of TX and RX, the "
-        "calibration and the antenna gains; do not trust the product"
+        f"{delay[worst] * c:.1f} m allows {gain[worst] - excess[worst]:.1f} dB"
     )
+    return Remark(Code.OVER_FREE_SPACE, figure=excess[worst], bound=excess[worst] - beyond[worst], detail=detail)
 
 
 def _coherence(daps: xr.Dataset) -> float:

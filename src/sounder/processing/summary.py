@@ -3,7 +3,6 @@
 Products and maps are read with h5py alone: `sounder info` must not wait for the libraries that made them.
 """
 
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,8 @@ from erm.common.console import counted
 from erm.common.errors import DataError
 from erm.common.storage import SOFTWARE, open_hdf5
 from sounder.processing.summary_texts import Lines, line_of_sight, metres
+from sounder.quality.table import read_remarks, rows
+from sounder.remark import lines as remark_lines
 
 Table = tuple[Sequence[str], Iterable[Sequence[object]]]
 """Header and rows."""
@@ -90,6 +91,12 @@ def describe_foreign_file(
     return tables, failure_lines(path, found)
 
 
+def remarks_of(path: Path) -> list[dict[str, Any]]:
+    """Remarks in a product, one by one with plain values; none for other files."""
+    with open_hdf5(path) as file:
+        return rows(file["quality"], str(file["position"].asstr()[0])) if "quality" in file else []
+
+
 def _product(file: h5py.File) -> Lines:
     path, daps, mpc = file.filename, file["daps"], file["mpc"]
     try:
@@ -115,8 +122,10 @@ def _product(file: h5py.File) -> Lines:
                 f"{attributes['problem_directions']} with zero or clipped samples",
             ),
         ]
-        for name in ("failures", "notes"):
-            lines += [(name.removesuffix("s"), line) for line in json.loads(attributes.get(name, "[]"))]
+        remarks = read_remarks(file["quality"])
+        recorded = int(attributes["recorded_directions"])
+        for label, which in (("failure", True), ("note", False)):
+            lines += [(label, line) for line in remark_lines(remarks, recorded, failures=which)]
         lines.append(("made by", f"{attributes['source']}, {attributes['processing_options']}"))
     except KeyError as error:
         raise DataError(f"{path}: the product is incomplete ({error}); process the recording again") from None

@@ -163,6 +163,17 @@ def test_a_direct_path_early_by_less_than_the_timing_error_is_kept(tmp_path: Pat
         assert table.sizes["mpc"] == kept
 
 
+@pytest.mark.parametrize(("doubts", "kept"), [("", 2), ("path_gain elevation", 2), ("delay", 0), ("azimuth", 0)])
+def test_what_a_product_marks_as_doubtful_is_widened_or_left_out(tmp_path: Path, doubts, kept):
+    table, problems = read_mpcs([product(tmp_path / "RX1.h5", doubts=doubts)])
+    assert table.sizes["mpc"] == kept
+    assert len(problems) == (kept == 0)
+    assert all("--trust-all" in line for line in problems)
+    if "path_gain" in doubts:
+        assert (table["path_gain_std"] >= 100).all()
+        assert table["elevation"].isnull().all()
+
+
 def test_a_product_that_does_not_say_where_it_was_is_refused(tmp_path: Path):
     root = xr.Dataset(attrs={"frequency": 1e9})
     write_product({"/": root, "mpc": xr.Dataset()}, tmp_path / "p.h5")

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from erm.common.errors import DataError
-from sounder.cir.impulse_response import Problem, calibrate, impulse_responses
+from sounder.cir.impulse_response import calibrate, impulse_responses
 from sounder.instrument.waveform import chips, held_template
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
-from sounder.recordings.recording import Recording
+from sounder.recordings.recording import CLIPPED_SHARE, Recording
+from sounder.remark import Code, Remark
 
 SCALE = 1e-6
 
@@ -64,8 +65,8 @@ def white(rng, *shape):
 
 def responses(bench, captures, averaging="coherent", **changes):
     recording = recording_of(bench.sounder, captures, **changes)
-    dataset, problems = impulse_responses(recording, bench.filter_, averaging=averaging)
-    return dataset["cir"].values, problems
+    dataset, remarks = impulse_responses(recording, bench.filter_, averaging=averaging)
+    return dataset["cir"].values, remarks
 
 
 @pytest.mark.parametrize("polarity", [1, -1])
@@ -166,20 +167,20 @@ def test_receiver_gain_is_taken_out(small_bench, averaging):
 def test_zero_directions_are_left_out_and_reported(small_bench):
     captures = np.stack([as_int16(sent(small_bench)), np.zeros((1022, 2), np.int16)])[:, None, None]
     for averaging in ("coherent", "phase-aligned", "power"):
-        cir, problems = responses(small_bench, captures, averaging)
+        cir, remarks = responses(small_bench, captures, averaging)
         assert np.isfinite(cir[0]).all()
         assert np.isnan(cir[1]).all()
-        assert problems == [Problem(10.0, 0.0, "all samples are zero", "left out")]
+        assert remarks == [Remark(Code.ALL_ZERO, 10.0, 0.0)]
 
 
 def test_clipped_directions_are_used_and_reported(small_bench):
     loud = np.clip(as_int16(sent(small_bench, amplitude=20000.0)).astype(float) * 2, -32768, 32767).astype(np.int16)
     share = np.mean((loud == 32767) | (loud == -32768))
     assert share > 0.01
-    cir, problems = responses(small_bench, loud[None, None, None])
+    cir, remarks = responses(small_bench, loud[None, None, None])
     assert np.isfinite(cir).all()
-    (problem,) = problems
-    assert problem == Problem(0.0, 0.0, "samples are clipped", "lower the receiver gain", pytest.approx(share))
+    (remark,) = remarks
+    assert remark == Remark(Code.CLIPPED, 0.0, 0.0, figure=pytest.approx(share), bound=CLIPPED_SHARE)
     # samples that just touch the ends now and then are no clipping
     quiet = as_int16(sent(small_bench))
     quiet[0] = 32767
@@ -193,10 +194,10 @@ def test_nothing_but_zeros_is_refused(small_bench):
 
 def test_directions_that_were_not_recorded_are_nan(small_bench):
     captures = np.stack([as_int16(sent(small_bench))] * 2)[:, None, None]
-    cir, problems = responses(small_bench, captures, valid=np.array([[False], [True]]))
+    cir, remarks = responses(small_bench, captures, valid=np.array([[False], [True]]))
     assert np.isnan(cir[0]).all()
     assert np.isfinite(cir[1]).all()
-    assert problems == []
+    assert remarks == []
 
 
 def test_many_snapshots_pass_in_blocks(small_bench):

@@ -103,7 +103,7 @@ def test_options_are_stored(campaign, tmp_path, averaging):
     chosen = {"averaging": averaging, "threshold": "nyu", "method": "peaks", "omnidirectional": "maximum"}
     assert run(*arguments, *(part for name, value in chosen.items() for part in (f"--{name}", value))) == 0
     options = json.loads(group(tmp_path / "RX1.h5", "/").attrs["processing_options"])
-    assert options == {**chosen, "keep_cir": False}
+    assert options == {**chosen, "keep_cir": False, "trust_all": False}
     with h5py.File(tmp_path / "RX1.h5") as file:
         assert "cir" not in file
 

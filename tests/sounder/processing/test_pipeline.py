@@ -141,7 +141,7 @@ def test_a_file_in_the_place_of_a_product_that_is_none_is_made_anew(jobs, tmp_pa
     whole = product.read_bytes()
     if spoiled == "of an earlier version":
         with h5py.File(product, "r+") as file:
-            del file.attrs["notes"]
+            del file["quality"]
     else:
         product.write_bytes(whole[: len(whole) // 2] if spoiled == "cut short" else b"notes")
     assert process(batch, tmp_path / "out", resume=True).already == 0

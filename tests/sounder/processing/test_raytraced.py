@@ -8,7 +8,6 @@ import pytest
 from scipy.constants import c
 
 from sounder.options import Options
-from sounder.processing import remarks
 from sounder.processing.jobs import gather
 from sounder.processing.position import FilterCache, process_recording
 
@@ -24,8 +23,8 @@ def scene(request, shared_data):
     filters, options = FilterCache(), Options()
     found = []
     for job in jobs:
-        groups, problems = process_recording(job.recording, filters.get(job), options)
-        assert remarks.failures(job.recording, groups, problems) == []  # no gain over free space among them
+        groups, remarks = process_recording(job.recording, filters.get(job), options)
+        assert not [remark for remark in remarks if remark.code.value.fails]  # no gain over free space among them
         mpc = groups["/mpc"]
         found.append((job.recording.tx_position, job.recording.rx_position, mpc["delay"].values, mpc["azimuth"].values))
     return list(zip(found, true_paths(raw, raw.with_name(f"{request.param}_diffuse.h5")), strict=True))

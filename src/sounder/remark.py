@@ -1,0 +1,166 @@
+"""Remarks: what is wrong with a recording, where, by how much, what it means and what to do."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+MAX_NAMED_DIRECTIONS = 3
+"""Directions that a line names; it counts the others. Chosen; not derived."""
+
+
+class Meaning(NamedTuple):
+    """What a code stands for."""
+
+    text: str
+    """What is wrong, in a few words."""
+    action: str
+    """What was done about it, or is to be done."""
+    advice: bool = False
+    """Whether the action is left to the user."""
+    unit: str = "1"
+    """Unit of figure and bound."""
+    fails: bool = True
+    """Whether it is a failure of the data (exit code 1), not a note."""
+    doubts: tuple[str, ...] = ()
+    """Quantities of all MPCs of the position that it makes doubtful: columns of the MPC table."""
+
+
+class Code(Enum):
+    """Every kind of remark, with its meaning."""
+
+    ALL_ZERO = Meaning("all samples are zero", "left out")
+    NOT_FINITE = Meaning("samples are NaN or infinite", "left out")
+    CLIPPED = Meaning("samples are clipped", "lower the receiver gain", advice=True)
+    DIRECTIONS_MISSING = Meaning("directions are missing", "processed without them", fails=False)
+    TABLE_FULL = Meaning("more paths than an MPC table holds", "the weakest are left out", fails=False)
+    PHASE_DRIFT = Meaning(
+        "the phase drifts between snapshots: coherent averaging loses power of the strongest direction",
+        "try --averaging phase-aligned",
+        advice=True,
+        fails=False,
+    )
+    OVER_FREE_SPACE = Meaning(
+        "an MPC has more gain than free space allows",
+        "check the positions of TX and RX, the calibration and the antenna gains; do not trust the product",
+        advice=True,
+        unit="dB",
+    )
+
+    @property
+    def text(self) -> str:
+        """What is wrong, in a few words."""
+        return self.value.text
+
+    @property
+    def action(self) -> str:
+        """What was done about it, or is to be done."""
+        return self.value.action
+
+    @property
+    def label(self) -> str:
+        """Name in files: ``all-zero``."""
+        return self.name.lower().replace("_", "-")
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One thing that is wrong with a position, one of its directions, or one snapshot of a direction.
+
+    Attributes
+    ----------
+    code : Code
+        What is wrong.
+    azimuth, elevation : float
+        Direction [degree]; NaN for the whole position.
+    snapshot : int
+        Number of the first snapshot concerned; -1 for all.
+    figure, bound : float
+        The measured figure and the bound that it broke, in ``code.value.unit``; NaN if there is none.
+    detail : str
+        What is wrong with its figures, if more is to be said than ``code.text``.
+
+    Examples
+    --------
+    >>> remark = Remark(Code.CLIPPED, azimuth=10.0, elevation=0.0, figure=0.02, bound=0.001)
+    >>> remark.meaning
+    'samples are clipped'
+    """
+
+    code: Code
+    azimuth: float = math.nan
+    elevation: float = math.nan
+    snapshot: int = -1
+    figure: float = math.nan
+    bound: float = math.nan
+    detail: str = ""
+
+    @property
+    def meaning(self) -> str:
+        """What is wrong, in words."""
+        return self.detail or self.code.text
+
+    @property
+    def of_direction(self) -> bool:
+        """Whether it concerns one direction, not the whole position."""
+        return math.isfinite(self.azimuth)
+
+
+def doubts(remarks: Iterable[Remark]) -> list[str]:
+    """Columns of the MPC table that remarks make doubtful, each once."""
+    return list(dict.fromkeys(quantity for remark in remarks for quantity in remark.code.value.doubts))
+
+
+def lines(remarks: Sequence[Remark], recorded: int, *, failures: bool) -> list[str]:
+    """One line for each kind of failure, or of note, in a position.
+
+    Parameters
+    ----------
+    remarks : sequence of Remark
+        All remarks of the position.
+    recorded : int
+        Its recorded directions.
+    failures : bool
+        Lines of failures; otherwise of notes.
+
+    Examples
+    --------
+    >>> zero = [Remark(Code.ALL_ZERO, azimuth=10.0 * k, elevation=0.0) for k in range(5)]
+    >>> lines(zero, 108, failures=True)
+    ['all samples are zero in 5 of 108 directions: (azimuth, elevation) (0, 0), (10, 0), (20, 0) and 2 more; left out']
+    """
+    kinds: dict[tuple[Code, str], list[Remark]] = {}
+    for remark in remarks:
+        if remark.code.value.fails == failures:
+            kinds.setdefault((remark.code, remark.detail), []).append(remark)
+    return [_line(alike, recorded) for alike in kinds.values()]
+
+
+def _line(alike: Sequence[Remark], recorded: int) -> str:
+    """One kind of remark, with the directions that have it."""
+    first = alike[0]
+    if not first.of_direction:
+        return f"{first.meaning}{':' if first.code.value.advice else ';'} {first.code.action}"
+    directions = list(dict.fromkeys((remark.azimuth, remark.elevation) for remark in alike))
+    where = named(directions)
+    return (
+        f"{first.meaning}{_extent(alike)} in {len(directions)} of {recorded} directions: {where}; {first.code.action}"
+    )
+
+
+def _extent(alike: Sequence[Remark]) -> str:
+    """Largest figure of remarks, in brackets; empty if they have none."""
+    figures = [remark.figure for remark in alike if math.isfinite(remark.figure)]
+    if not figures:
+        return ""
+    worst, unit = max(figures, key=abs), alike[0].code.value.unit
+    return f" (up to {100 * worst:.1f} %)" if unit == "1" else f" (up to {worst:.3g} {unit})"
+
+
+def named(directions: Iterable[tuple[float, float]]) -> str:
+    """Name the first directions (azimuth, elevation) [degree] and count the others."""
+    every = list(directions)
+    shown = ", ".join(f"({a:g}, {e:g})" for a, e in every[:MAX_NAMED_DIRECTIONS])
+    more = f" and {len(every) - MAX_NAMED_DIRECTIONS} more" if len(every) > MAX_NAMED_DIRECTIONS else ""
+    return f"(azimuth, elevation) {shown}{more}"
