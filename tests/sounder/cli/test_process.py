@@ -54,7 +54,8 @@ def test_a_product_is_as_its_schema_says(campaign, products):
     }
     options = json.loads(root.attrs["processing_options"])
     extraction = {"threshold": "usc", "method": "sage"}
-    assert options == {"averaging": "coherent", **extraction, "omnidirectional": "sum", "keep_cir": True}
+    others = {"averaging": "coherent", "omnidirectional": "sum", "keep_cir": True, "trust_all": False}
+    assert options == {**extraction, **others}
     grid = {"azimuth": 12, "elevation": 2}
     assert dict(daps["daps"].sizes) == dict(cir["cir"].sizes) == {**grid, "delay": 254}
     assert dict(daps["noise_floor"].sizes) == dict(daps["pas"].sizes) == grid
