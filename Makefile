@@ -8,8 +8,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-# a test process for each processor; tests of one group run in one process
-PYTEST := $(BIN)/pytest --numprocesses logical --dist loadgroup
+# a test process for each processor, each with one thread for linear algebra; a file's tests run in one process,
+# which makes its fixtures once
+export OPENBLAS_NUM_THREADS := 1
+PYTEST := $(BIN)/pytest --numprocesses logical --dist loadfile
 
 .PHONY: demo check test lowest lint docs bench clean
 

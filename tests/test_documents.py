@@ -70,7 +70,6 @@ def absent(line: str, folder: Path) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("documents")  # in one process, in this order
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_examples_of_documents_run(document, project, monkeypatch, subtests):
     folder = project / "demo-output"

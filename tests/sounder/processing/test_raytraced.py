@@ -11,6 +11,7 @@ from sounder.options import Options
 from sounder.processing.jobs import gather
 from sounder.processing.position import FilterCache, process_recording
 
+pytestmark = pytest.mark.slow
 LAYOUT = Path(__file__).parents[3] / "examples" / "layouts" / "raytraced.toml"
 
 
