@@ -1,1 +1,1 @@
-"""Errors of a survey: heading, clock and gain that all measurements share."""
+"""Errors of a survey: of positions, headings, clocks and gains."""

@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erm.geometry.vertical import FloatArray, angle_difference, mirrored, unit
-from erm.reconstruction.decision.multi_bounce import CHAIN_LOSS_TOLERANCE, image_slopes, mirror_of
+from erm.geometry.chains import chain_images
+from erm.geometry.vertical import FloatArray, angle_difference, unit
+from erm.reconstruction.decision.multi_bounce import CHAIN_LOSS_TOLERANCE, mirror_of
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.loss import DIFFUSE_EXCESS_LOSS, reflection_loss
@@ -43,7 +44,7 @@ class Chains(NamedTuple):
 
 def predict_chains(tx: FloatArray, rx: FloatArray, walls: IntArray, lines: Lines) -> Prediction:
     """Predict the paths (path,) of antennas (path, 3) that met walls (path, bounce), transmitter first, by images."""
-    places, slopes = chain_images(tx[:, :2], walls, lines)
+    places, slopes = _images(tx[:, :2], walls, lines)
     apart = places[-1] - rx[:, :2]
     horizontal = np.hypot(apart[:, 0], apart[:, 1])
     slant = np.hypot(horizontal, tx[:, 2] - rx[:, 2])
@@ -57,25 +58,8 @@ def predict_chains(tx: FloatArray, rx: FloatArray, walls: IntArray, lines: Lines
     )
 
 
-def chain_images(point: FloatArray, walls: IntArray, lines: Lines) -> tuple[list[FloatArray], FloatArray]:
-    """Images of points (path, 2) in the walls of chains (path, bounce).
-
-    Returns
-    -------
-    places : list of array (path, 2)
-        The points, and their image after each wall [m].
-    slopes : array (path, bounce, 2, 2)
-        Of the last image by the (normal, offset) of each wall. Later reflections mirror the slopes of earlier walls.
-    """
-    places, slopes = [point], np.zeros((len(point), walls.shape[1], 2, 2))
-    for bounce, wall in enumerate(walls.T):
-        normal, offset, pivot = lines.normal[wall], lines.offset[wall], lines.pivot[wall]
-        n = unit(normal)
-        reflection = np.eye(2) - 2 * n[:, :, None] * n[:, None, :]
-        slopes[:, :bounce] = reflection[:, None] @ slopes[:, :bounce]
-        slopes[:, bounce] = image_slopes(normal, offset, places[-1] - pivot)
-        places.append(mirrored(places[-1] - pivot, normal, offset) + pivot)
-    return places, slopes
+def _images(points: FloatArray, walls: IntArray, lines: Lines) -> tuple[list[FloatArray], FloatArray]:
+    return chain_images(points, walls, lines.normal, lines.offset, lines.pivot)
 
 
 class ChainSearch:
@@ -126,7 +110,7 @@ class ChainSearch:
         transmitters = len(self.images.transmitters)
         chain = np.tile(tried, (transmitters, 1))
         of = np.repeat(np.arange(transmitters), len(tried))
-        places, slopes = chain_images(self.images.transmitters[of, :2], chain, lines)
+        places, slopes = _images(self.images.transmitters[of, :2], chain, lines)
         spread = np.sqrt(np.einsum("cbik,cbkl,cbil->c", slopes, lines.covariance[chain], slopes))
         near = self.images.near_points(places[-1], of, RING_RADIUS * (self.images.radius + SEARCH_RADIUS * spread))
         chain, rows = chain[near.owner], near.rows
@@ -151,7 +135,7 @@ class ChainSearch:
 
     def _is_possible(self, paths: Paths, chain: IntArray, lines: Lines) -> BoolArray:
         """Whether (path,) the walls may stand where the paths would meet them, and lose what the paths lost."""
-        places, _ = chain_images(paths.tx[:, :2], chain, lines)
+        places, _ = _images(paths.tx[:, :2], chain, lines)
         here = paths.rx[:, :2]
         horizontal = np.linalg.norm(places[-1] - here, axis=-1)
         cos_elevation = horizontal / np.hypot(horizontal, paths.tx[:, 2] - paths.rx[:, 2])

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from erm.geometry.chains import image_slopes
 from erm.geometry.vertical import FloatArray, bisector, mirrored, unit
 from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
@@ -132,13 +133,6 @@ def _chains(
         chi2 = np.einsum("np,npq,nq->n", apart, np.linalg.inv(total), apart)
         found += [tuple(one) for one in chain[chi2 < CHI_SQUARED_GATE].tolist()]
     return found
-
-
-def image_slopes(normal: FloatArray, offset: FloatArray, relative: FloatArray) -> FloatArray:
-    """Slopes (n, 2, 2) of images by (normal [degree], offset [m]), of points (n, 2) relative to the pivots."""
-    n, m = unit(normal), unit(normal + 90)
-    distance, along = offset - np.sum(n * relative, axis=-1), np.sum(m * relative, axis=-1)
-    return np.stack([np.deg2rad(2 * distance[..., None] * m - 2 * along[..., None] * n), 2 * n], axis=-1)
 
 
 def _image_slope(line: Line, point: FloatArray) -> FloatArray:

@@ -1,0 +1,327 @@
+r"""Bundle adjustment: faces and the errors of a survey in one robust least-squares problem.
+
+Position, heading and clock of each receiver are a little wrong, and all paths of a position share these errors. Paths
+off faces that many positions see show both: each face is a plane, and each position has four errors. With ``e`` the
+residuals in standard errors and ``z`` the errors of positions in units of their standard deviations,
+
+.. math:: \sum_i \rho(e_i) + \sum_p |z_p|^2 \to \min,
+
+``rho`` Huber's function. The transmitters are exact: they fix where the map is. The standard deviations of the
+receivers' coordinates fix how it is turned. Positions are eliminated (`erm.survey.schur`).
+
+Standard deviations that nobody gave, and scales of standard errors that are too small, are variance components. With
+``r`` the redundancy of a group, its number of observations less the parameters that they determine, each step
+multiplies its variance by ``sum e**2 / r``. A standard deviation is 0 unless data speak for it.
+
+References
+----------
+Förstner, Ein Verfahren zur Schätzung von Varianz- und Kovarianzkomponenten (1979). Huber, Robust Statistics (1981),
+section 6.7 (Proposal 2). Triggs et al., Bundle adjustment, a modern synthesis (2000).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.special import ndtr
+
+from erm.geometry.chains import NO_FACE
+from erm.geometry.vertical import FloatArray
+from erm.mpcs.standard_errors import MIN_LOG_ODDS, MIN_SCALE
+from erm.survey.residuals import AZIMUTH, CLOCK, HEADING, LENGTH, BoolArray, Faces, MeasuredPaths, residuals
+from erm.survey.schur import BLOCK, NormalEquations, Solution, normal_equations, solve, total
+
+HUBER_THRESHOLD = 2.5
+"""Standard errors beyond which a residual pulls with constant force (99.7 % efficient on Gaussian errors)."""
+PSI_SQUARED = float(
+    2 * ndtr(HUBER_THRESHOLD)
+    - 1
+    - 2 * HUBER_THRESHOLD * np.exp(-(HUBER_THRESHOLD**2) / 2) / np.sqrt(2 * np.pi)
+    + 2 * HUBER_THRESHOLD**2 * ndtr(-HUBER_THRESHOLD)
+)
+"""Mean square of a Gaussian residual that is clipped at the threshold."""
+MAX_STEPS = 60
+"""Steps at most: five for the parameters alone, thirty with their variances. Chosen; not derived."""
+STEP_TOLERANCE = 1e-3
+"""Step in standard errors, and relative change of a variance, below which the adjustment has converged."""
+FIRST_STD = (0.5, 5.0, 0.3)
+"""First standard deviations of coordinates [m], heading [degree] and clock [m] where none is given: those of a bad
+survey, for variances are found faster from above."""
+COMMON_PRIOR = (180.0, 1e4)
+"""Standard deviations of common heading [degree] and clock [m] before any measurement."""
+MIN_REDUNDANCY = 6.0
+"""Redundancy below which a scale of errors is not estimated. Chosen; not derived."""
+EPSILON = 1e-12
+"""Share of redundancy that rounding leaves."""
+GROUPS = ((0, 1), (HEADING,), (CLOCK,))
+"""Errors of a position that have one standard deviation: coordinates, heading, clock."""
+
+
+@dataclass(frozen=True)
+class SurveyStd:
+    """Standard deviations of the survey errors of one position; None where unknown.
+
+    Parameters
+    ----------
+    rx : float, optional
+        Of each horizontal coordinate of a receiver [m].
+    heading : float, optional
+        Of the azimuth zero of a position [degree].
+    clock : float, optional
+        Of the clock of a position, times the speed of light [m].
+    """
+
+    rx: float | None = None
+    heading: float | None = None
+    clock: float | None = None
+
+    def known(self) -> tuple[float | None, float | None, float | None]:
+        """The three in the order of `GROUPS`."""
+        return self.rx, self.heading, self.clock
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Result of a bundle adjustment.
+
+    Parameters
+    ----------
+    faces : Faces
+    face_covariance : array (face, 2, face, 2)
+        Of (normal [degree], offset [m]); it contains the errors of the survey.
+    common : array (2,)
+        Errors of heading [degree] and clock [m] that all positions share; 0 where they were not free.
+    common_covariance : array (2, 2)
+    errors : array (position, 4)
+        Errors of east, north [m], heading [degree] and clock [m] of each position, the common ones included.
+    covariance : array (position, 4, 4)
+    std : array (3,)
+        Standard deviations of coordinates [m], heading [degree] and clock [m], as given or as estimated.
+    scale : array (2,)
+        Factors of the standard errors of lengths and azimuths.
+    residual : array (path, 2)
+        Length and azimuth in these standard errors.
+    """
+
+    faces: Faces
+    face_covariance: FloatArray
+    common: FloatArray
+    common_covariance: FloatArray
+    errors: FloatArray
+    covariance: FloatArray
+    std: FloatArray
+    scale: FloatArray
+    residual: FloatArray
+
+
+@dataclass(frozen=True)
+class _State:
+    faces: Faces
+    common: FloatArray  # (2,)
+    own: FloatArray  # (position, 4)
+    std: FloatArray  # (3,)
+    scale: FloatArray  # (2,)
+
+    def errors(self) -> FloatArray:
+        errors = self.own.copy()
+        errors[:, (HEADING, CLOCK)] += self.common
+        return errors
+
+
+class _Problem:
+    """One adjustment: its observations and where its parameters are."""
+
+    def __init__(self, observations: MeasuredPaths, faces: Faces, positions: int, *, common: bool) -> None:
+        self.observations = observations
+        self.faces, self.positions, self.common = len(faces.normal), positions, common
+        self.shared = 2 * self.faces + 2 * common
+        padded = np.where(observations.faces == NO_FACE, 0, observations.faces)  # their slopes are 0
+        paths = len(observations)
+        columns = (2 * padded[:, :, None] + np.arange(2)).reshape(paths, -1)
+        self.columns = [np.column_stack([columns, np.full((paths, int(common)), 2 * self.faces + n)]) for n in (1, 0)]
+
+    def equations(self, state: _State) -> tuple[list[NormalEquations], FloatArray]:
+        """Normal equations of lengths and of azimuths, in standard errors as given; residuals (path, 2)."""
+        found = residuals(self.observations, state.faces, state.errors()[self.observations.position])
+        size = np.abs(found.value) / state.scale
+        weight = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(size, HUBER_THRESHOLD))
+        parts = []
+        for kind, error in ((LENGTH, CLOCK), (AZIMUTH, HEADING)):
+            slopes = found.by_face.reshape(len(size), 2, -1)
+            if self.common:
+                slopes = np.concatenate([slopes, found.by_position[:, :, error, None]], axis=-1)
+            parts.append(
+                normal_equations(
+                    found._replace(by_face=slopes),
+                    kind,
+                    weight[:, kind],
+                    self.columns[kind],
+                    self.observations.position,
+                    (self.shared, self.positions),
+                )
+            )
+        return parts, found.value
+
+    def solve(self, parts: list[NormalEquations], state: _State) -> Solution:
+        """Step of the parameters; that of positions in standard deviations of their errors."""
+        std = by_error(state.std)
+        sum_of_parts = total(parts, 1 / state.scale**2).scaled(std)
+        own = np.divide(state.own, std, out=np.zeros_like(state.own), where=std > 0)
+        prior = np.zeros(self.shared)
+        gradient = sum_of_parts.shared_gradient.copy()
+        if self.common:
+            prior[-2:] = 1 / np.square(COMMON_PRIOR)
+            gradient[-2:] -= prior[-2:] * state.common
+        with_prior = sum_of_parts._replace(
+            shared=(sum_of_parts.shared + sparse.diags_array(prior)).tocsr() if self.shared else sum_of_parts.shared,
+            shared_gradient=gradient,
+            block=sum_of_parts.block + np.eye(BLOCK),
+            block_gradient=sum_of_parts.block_gradient - own,
+        )
+        return solve(with_prior)
+
+    def stepped(self, state: _State, solution: Solution) -> _State:
+        """State after a step."""
+        step = solution.shared[: 2 * self.faces].reshape(-1, 2)
+        faces = state.faces._replace(
+            normal=(state.faces.normal + step[:, 0]) % 360, offset=state.faces.offset + step[:, 1]
+        )
+        common = state.common + (solution.shared[-2:] if self.common else 0.0)
+        return replace(state, faces=faces, common=common, own=state.own + solution.block * by_error(state.std))
+
+
+def by_error(std: FloatArray) -> FloatArray:
+    """Standard deviations (4,) of each error of a position from those (3,) of `GROUPS`."""
+    return np.array([std[0], std[0], std[1], std[2]])
+
+
+def adjust(
+    observations: MeasuredPaths,
+    faces: Faces,
+    positions: int,
+    given: SurveyStd = SurveyStd(),
+    *,
+    common: bool = False,
+    errors_known: bool = True,
+) -> Bundle:
+    """Most likely faces and survey errors, with their covariances.
+
+    Parameters
+    ----------
+    observations : MeasuredPaths
+        Direct paths, single reflections and chains.
+    faces : Faces
+        Start, near enough that residuals are nearly linear; each face has a path.
+    positions : int
+        Number of positions. A position without paths keeps its errors at 0, to its standard deviations.
+    given : SurveyStd
+        Standard deviations of survey errors. Those not given are estimated, and 0 unless the data show errors.
+    common : bool
+        Whether all positions share an unknown error of heading and of clock.
+    errors_known : bool
+        Whether the standard errors of the observations are known. They are then enlarged where residuals are larger,
+        but never reduced.
+
+    Examples
+    --------
+    Twelve receivers in front of a wall, the clock of each wrong by 0.3 m:
+
+    >>> rng = np.random.default_rng(1)
+    >>> rx, clock = rng.uniform(-9, 9, (12, 2)), 0.3 * rng.standard_normal(12)
+    >>> rows, none = np.repeat(np.arange(12), 2), np.zeros(24)
+    >>> image = np.tile([[0.0, 0.0], [0.0, 40.0]], (12, 1)) - rx[rows]
+    >>> measured = np.column_stack([np.hypot(*image.T) + clock[rows], np.rad2deg(np.arctan2(*image.T[::-1]))])
+    >>> paths = MeasuredPaths(np.zeros((24, 2)), rx[rows], none, measured, np.tile([0.01, 0.1], (24, 1)), rows,
+    ...                      np.tile([[-1], [0]], (12, 1)))
+    >>> wall = Faces(np.array([270.5]), np.array([-19.9]), np.zeros((1, 2)))
+    >>> found = adjust(paths, wall, 12, SurveyStd(rx=0.0))
+    >>> found.faces.offset.round(2).tolist(), bool(np.abs(found.errors[:, 3] - clock).max() < 0.02)
+    ([-20.0], True)
+    """
+    problem = _Problem(observations, faces, positions, common=common)
+    first = [start if std is None else std for std, start in zip(given.known(), FIRST_STD, strict=True)]
+    state = _State(faces, np.zeros(2), np.zeros((positions, BLOCK)), np.array(first, dtype=float), np.ones(2))
+    free = np.array([std is None for std in given.known()])
+    while True:
+        state, solution, value, likelihood_ratio = _converged(problem, state, free, errors_known=errors_known)
+        unsupported = free & (state.std > 0) & (likelihood_ratio < MIN_LOG_ODDS)
+        if not unsupported.any():
+            return _result(problem, state, solution, value)
+        # one at a time: errors that look alike share what speaks for them
+        least = int(np.argmin(np.where(unsupported, likelihood_ratio, np.inf)))
+        state = replace(state, std=np.where(np.arange(3) == least, 0.0, state.std))
+        state.own[:, GROUPS[least]] = 0.0
+
+
+def _converged(
+    problem: _Problem, state: _State, free: BoolArray, *, errors_known: bool
+) -> tuple[_State, Solution, FloatArray, FloatArray]:
+    """State after the last step, its solution and residuals; log-likelihood ratio (3,) for each of the variances."""
+    for _ in range(MAX_STEPS):
+        parts, value = problem.equations(state)
+        solution = problem.solve(parts, state)
+        moved = problem.stepped(state, solution)
+        std, scale, ratio = _variance_components(moved, solution, value, parts, free, errors_known=errors_known)
+        before = state
+        change = np.abs(np.log(np.divide(std, state.std, out=np.ones(3), where=state.std > 0))).max()
+        change = max(change, np.abs(np.log(scale / state.scale)).max())
+        size = np.abs(solution.shared) / np.sqrt(np.diag(solution.shared_covariance))
+        step = max(size.max(initial=0.0), np.abs(solution.block).max(initial=0.0))
+        state = replace(moved, std=std, scale=scale)
+        fades = free & (std < before.std) & (ratio < MIN_LOG_ODDS)
+        if max(change, step) < STEP_TOLERANCE or fades.any():
+            break
+    parts, value = problem.equations(state)
+    return state, problem.solve(parts, state), value, ratio
+
+
+def _variance_components(
+    state: _State,
+    solution: Solution,
+    value: FloatArray,
+    parts: list[NormalEquations],
+    free: BoolArray,
+    *,
+    errors_known: bool,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Standard deviations (3,) and scales (2,) after a step, and what speaks for each of the former.
+
+    If ``n`` positions determine an error equally well, to ``s``, and ``rho`` is the redundancy of its prior over ``n``,
+    then ``rho = v / (v + s**2)`` for the most likely variance ``v``. Its log-likelihood exceeds that of ``v = 0`` by
+    ``n / 2 (rho / (1 - rho) + ln(1 - rho))``.
+    """
+    posterior = np.diagonal(solution.block_covariance(), axis1=1, axis2=2)
+    own = np.divide(state.own, by_error(state.std), out=np.zeros_like(state.own), where=by_error(state.std) > 0)
+    std, ratio = state.std.copy(), np.zeros(3)
+    for number, group in enumerate(GROUPS):
+        redundancy = float(np.sum(1 - posterior[:, group]))
+        if free[number] and std[number] > 0 and redundancy > 0:
+            std[number] *= np.sqrt(np.sum(own[:, group] ** 2) / redundancy)
+            rho = min(redundancy / (len(own) * len(group)), 1 - EPSILON)
+            ratio[number] = len(own) * len(group) / 2 * (rho / (1 - rho) + np.log1p(-rho))
+    scale = state.scale.copy()
+    for kind, part in enumerate(parts):
+        redundancy = len(value) - solution.trace(part.scaled(by_error(state.std))) / state.scale[kind] ** 2
+        if redundancy > MIN_REDUNDANCY:
+            clipped = np.minimum(np.abs(value[:, kind]) / state.scale[kind], HUBER_THRESHOLD)
+            scale[kind] *= np.sqrt(np.sum(clipped**2) / (PSI_SQUARED * redundancy))
+    return std, np.maximum(scale, 1.0 if errors_known else MIN_SCALE), ratio
+
+
+def _result(problem: _Problem, state: _State, solution: Solution, value: FloatArray) -> Bundle:
+    faces = 2 * problem.faces
+    covariance = solution.shared_covariance
+    added = sparse.lil_array((BLOCK * problem.positions, problem.shared))
+    if problem.common:
+        added[HEADING::BLOCK, faces] = added[CLOCK::BLOCK, faces + 1] = 1.0
+    return Bundle(
+        faces=state.faces,
+        face_covariance=covariance[:faces, :faces].reshape(problem.faces, 2, problem.faces, 2),
+        common=state.common,
+        common_covariance=covariance[faces:, faces:] if problem.common else np.zeros((2, 2)),
+        errors=state.errors(),
+        covariance=solution.scaled(by_error(state.std)).block_covariance(added.tocsr()),
+        std=state.std,
+        scale=state.scale,
+        residual=value / state.scale,
+    )
