@@ -51,6 +51,8 @@ class Antenna(Table):
         Lowest gain relative to boresight [dB].
     cut : Cut, optional
         The measured cuts. A description file names a CSV file beside it; see `sounder.instrument.antenna_files`.
+    gain_std : float
+        Standard deviation of the boresight gain [dB]; part of every ``path_gain_std``.
     gain_error : float
         Relative error of the pattern's amplitude [1]. The default is assumed, not measured.
     beamwidth_error : float
@@ -71,6 +73,7 @@ class Antenna(Table):
     hpbw_elevation: Annotated[float, Field(gt=0, le=180)] | None = None
     sidelobe_floor: Annotated[float, Field(lt=0)] = -30.0
     cut: Cut | None = None
+    gain_std: NotNegative = 0.0
     gain_error: NotNegative = 0.01
     beamwidth_error: NotNegative = 0.02
     joint_gain_error: NotNegative = 0.005
@@ -84,4 +87,42 @@ class Antenna(Table):
             raise ValueError(f'pattern "{self.pattern}" needs hpbw_azimuth and hpbw_elevation')
         if (self.pattern == "cut") != (self.cut is not None):
             raise ValueError('pattern "cut" and the key cut go together')
+        if self.cut is not None:
+            for name, width in (("azimuth", self.hpbw_azimuth), ("elevation", self.hpbw_elevation)):
+                _require_main_lobe(self.cut, name, width or math.inf)
         return self
+
+
+WIDTH_RATIO = 3.0
+"""How far the half-power width of a cut may be from the described one, either way. A cut with one point a beamwidth
+comes out half as wide; linear power or zenith angles have no half-power width at all. Chosen; not derived."""
+
+
+def _require_main_lobe(cut: Cut, name: str, width: float) -> None:
+    """Refuse a cut that does not have its maximum at boresight and the described half-power width."""
+    level = getattr(cut, name)
+    peak = cut.angle[level.index(max(level))]
+    if abs(peak) > width / 2:
+        raise ValueError(
+            f"the cut in {name} has its maximum at {peak:g} degree; expected it at boresight, 0, in dB of gain"
+        )
+    half = max(level) - 10 * math.log10(2)
+    edges = []
+    for side in (1, -1):
+        points = [
+            (side * angle, value) for angle, value in zip(cut.angle, level, strict=True) if side * angle >= side * peak
+        ]
+        points.sort()
+        crossing = next(((a, b) for a, b in pairwise(points) if b[1] < half <= a[1]), None)
+        edges.append(math.inf if crossing is None else _between(*crossing, half))
+    measured = sum(edges)
+    if not width / WIDTH_RATIO <= measured <= width * WIDTH_RATIO:
+        raise ValueError(
+            f"the cut in {name} is {measured:.3g} degree wide at half power, but hpbw_{name} is {width:g} degree; "
+            "expected gain in dB over the angle off boresight"
+        )
+
+
+def _between(before: tuple[float, float], after: tuple[float, float], level: float) -> float:
+    """Angle at which the line from one point (angle, level) to another has a level."""
+    return before[0] + (after[0] - before[0]) * (before[1] - level) / (before[1] - after[1])

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_files import read_cut
+from sounder.instrument.stated import Connection, Receiver, Survey, Transmitter
 from sounder.toml import NotNegative, Positive, Table, read_toml
 
 MIN_SPECTRAL_LINES = 16
@@ -145,18 +146,6 @@ class Scan(Table):
         return self
 
 
-class Transmitter(Table):
-    """The transmitter.
-
-    Attributes
-    ----------
-    power : float
-        Power into the transmit antenna [dBm].
-    """
-
-    power: float
-
-
 class Clock(Table):
     """Drift of the clock since the back-to-back recording.
 
@@ -219,6 +208,9 @@ class Sounder(Table):
     tx_antenna, rx_antenna : Antenna
     scan : Scan
     transmitter : Transmitter
+    receiver : Receiver
+    back_to_back : Connection
+    survey : Survey
     clock : Clock
     processing : Processing
 
@@ -238,7 +230,10 @@ class Sounder(Table):
     tx_antenna: Antenna
     rx_antenna: Antenna
     scan: Scan
-    transmitter: Transmitter
+    transmitter: Transmitter = Transmitter()
+    receiver: Receiver = Receiver()
+    back_to_back: Connection = Connection()
+    survey: Survey = Survey()
     clock: Clock = Clock()
     processing: Processing = Processing()
 

@@ -8,6 +8,7 @@ from erm.common.constants import c
 from sounder.mpc.cramer_rao import UNITS
 from sounder.mpc.directions import DB_PER_NEPER
 from sounder.mpc.scan import Scan
+from sounder.mpc.stated import stated_variance
 
 DIRECT_TOLERANCE = 1e-9
 """How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]: about a resolution
@@ -25,7 +26,8 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
     beam, the noise power ``N``, and ``V`` the ``delay_variance`` of `sounder.cir.matched_filter.MatchedFilter`. With a
     phase of its own in every beam it is independent of the others. Both are inflated for other paths, and that of the
     delay includes the clock's. Those of elevation and gain include other directions outside the fan that the beams do
-    not exclude.
+    not exclude. What the description states about calibration, survey and antennas is added; see
+    :func:`sounder.mpc.stated.stated_variance`.
 
     Parameters
     ----------
@@ -58,6 +60,7 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
     gain = 20 * np.log10(amplitude) - antenna.gain
     covariance = _covariance(found, noise, scan, inflation)
     covariance[:, 0, 0] += clock
+    covariance[:, range(4), range(4)] += stated_variance(scan.sounder, delay)
     if not several_elevations:
         covariance[:, 2, :] = covariance[:, :, 2] = np.nan
     values = {

@@ -8,6 +8,7 @@ from pathlib import Path
 from erm.common.errors import DataError
 from sounder import shipped
 from sounder.instrument.description import Sounder, load_sounder
+from sounder.instrument.stated import Transmitter
 from sounder.recordings import foreign, native
 from sounder.recordings.layout import load_layout
 from sounder.recordings.open import open_recordings
@@ -165,9 +166,12 @@ def open_file(
 
 
 def _default_description(layout: Path) -> Sounder:
-    """Shipped description, for a layout to override. It describes another instrument, so its name is not kept."""
+    """Shipped description, for a layout to override.
+
+    It describes another instrument, so neither its name nor its power are kept.
+    """
     return load_sounder(shipped.calibration("sounder-132ghz.toml")).model_copy(
-        update={"name": f"sounder of {layout.name}"}
+        update={"name": f"sounder of {layout.name}", "transmitter": Transmitter()}
     )
 
 

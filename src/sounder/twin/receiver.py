@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from erm.common.errors import DataError
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Clock, Sounder
 from sounder.instrument.touchstone import transmission
@@ -195,6 +196,8 @@ def _frequency(sounder: Sounder) -> Real:
 
 def _sent_spectrum(sounder: Sounder, faults: Faults) -> Complex:
     """Spectrum at the receiver through a channel of gain 1: power, sequence and system response [sqrt(mW)]."""
+    if sounder.transmitter.power is None:
+        raise DataError(f"{sounder.name}: transmitter.power is missing; expected the power to simulate [dBm]")
     sent: Complex = 10 ** (sounder.transmitter.power / 20) * np.fft.fft(band_limited_template(sounder.waveform))
     return sent * faults.system_response.response(_frequency(sounder)) if faults.system_response else sent
 

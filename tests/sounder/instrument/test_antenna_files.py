@@ -41,6 +41,29 @@ def test_a_gaussian_lobe_comes_back_from_a_grid(tmp_path, text):
     assert read == pytest.approx(true, abs=2 * 12 / 81)
 
 
+ANGLE = np.arange(-180.0, 181.0, 5.0)
+GAIN = np.maximum(-12 * (ANGLE / 10) ** 2, -40.0)
+
+
+@pytest.mark.parametrize(
+    ("cut", "what"),
+    [
+        (-GAIN, "maximum at -180"),  # loss for gain
+        (10 ** (GAIN / 10), "inf degree wide"),  # linear power for dB
+        (np.roll(GAIN, 18), "maximum at 90"),  # boresight at 90, as of zenith angles
+    ],
+)
+def test_a_cut_that_is_not_gain_off_boresight_is_refused(cut, what):
+    def cuts(azimuth, elevation):
+        return {"angle": tuple(ANGLE), "azimuth": tuple(azimuth), "elevation": tuple(elevation)}
+
+    widths = {"hpbw_azimuth": 10.0, "hpbw_elevation": 10.0}
+    Antenna(gain=20, pattern="cut", cut=cuts(GAIN, GAIN), **widths)
+    for name, pair in (("azimuth", (cut, GAIN)), ("elevation", (GAIN, cut))):
+        with pytest.raises(ValueError, match=f"the cut in {name} .*{what}"):
+            Antenna(gain=20, pattern="cut", cut=cuts(*pair), **widths)
+
+
 def test_a_grid_with_holes_is_refused(tmp_path):
     file = tmp_path / "horn.csv"
     file.write_text("azimuth,elevation,gain\n-1,0,-1\n0,0,0\n1,0,-1\n0,1,-1\n")

@@ -184,7 +184,7 @@ def test_a_file_that_is_no_antenna_cut_is_refused(edited, tmp_path, content, exp
 
 def test_comments_in_a_cut_are_passed_over(edited, tmp_path):
     (tmp_path / "horn-132ghz.csv").write_text(
-        "# a horn\nangle,azimuth,elevation\n# left\n-90,-20,-19\n0,0,0\n90,-20,-21\n\n", encoding="utf-8"
+        "# a horn\nangle,azimuth,elevation\n# left\n-30,-20,-19\n0,0,0\n30,-20,-21\n\n", encoding="utf-8"
     )
     cut = load_sounder(edited()).rx_antenna.cut
     assert cut is not None
