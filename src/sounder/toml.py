@@ -18,6 +18,7 @@ from pydantic import (
 )
 
 from erm.common.errors import DataError
+from erm.common.text_files import read_text
 from erm.common.usage import invalid_value, shortened
 
 Positive = Annotated[float, Field(gt=0)]
@@ -80,11 +81,10 @@ def read_toml(path: Path | str) -> dict[str, Any]:
     DataError
         The file is missing or not TOML.
     """
+    text = read_text(path, "a TOML file")
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}; expected a TOML file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
         raise DataError(f"{path}: not TOML ({error})") from None
 
 

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
 MAX_DISTANCE = 100e3
 """A point farther than this from the origin is an error [m]; chosen."""
-GEODETIC = re.compile(r"CRS:?84$|EPSG:.*:(4326|4979)$|EPSG:(4326|4979)$")
-"""Names of WGS 84 in the member ``crs``, which RFC 7946 removed from GeoJSON and some programs still write."""
+WGS84 = "OGC:CRS84"
+"""Longitude and latitude in WGS 84."""
+LOCAL = re.compile(r"(LOCAL_CS|ENGCRS|ENGINEERINGCRS)\b")
+"""First word of the WKT of a system without a place on earth."""
 
 
 @dataclass(frozen=True)
@@ -149,24 +151,70 @@ class Georeference:
         return np.array([[c, -s], [s, c]])
 
 
-def declared_frame(document: Mapping[str, Any]) -> tuple[bool, Georeference | None]:
-    """Read from a GeoJSON document whether it is in WGS 84, and its local frame.
+def declared_frame(document: Mapping[str, Any]) -> tuple[str | None, Georeference | None]:
+    """Read the coordinate system of a GeoJSON document, and its local frame.
 
-    The member ``georeference`` tells both. An old member ``crs`` that names WGS 84 tells only the first.
+    The member ``georeference`` tells both: the system is WGS 84. The old member ``crs`` tells only the first.
 
     Returns
     -------
-    is_geodetic : bool
-        Coordinates are longitudes and latitudes.
+    crs : str or None
+        Coordinate system; None for local metres.
     frame : Georeference or None
         Local frame, if the document has one.
+
+    Raises
+    ------
+    DataError
+        A member is malformed.
     """
     if (place := document.get("georeference")) is not None:
-        return True, Georeference.from_dict(place)
+        return WGS84, Georeference.from_dict(place)
     crs = document.get("crs")
-    properties = crs.get("properties") if isinstance(crs, dict) else None
-    name = properties.get("name") if isinstance(properties, dict) else None
-    return isinstance(name, str) and GEODETIC.search(name) is not None, None
+    if crs is None:
+        return None, None
+    try:
+        return str(crs["properties"]["name"]), None
+    except (TypeError, KeyError):
+        raise DataError("member crs has no name; expected the name of a coordinate system, or no crs") from None
+
+
+def place_in_frame(points: FloatArray, crs: str | None, frame: Georeference | None) -> FloatArray:
+    """Local points of points in a declared coordinate system.
+
+    Parameters
+    ----------
+    points : array (..., 2)
+        East and north, or longitude and latitude, in this order whatever the definition of the system says.
+    crs : str or None
+        Name, code or WKT of the coordinate system. None and engineering systems are local metres.
+    frame : Georeference or None
+        Local frame.
+
+    Returns
+    -------
+    array (..., 2)
+        [m]
+
+    Raises
+    ------
+    DataError
+        The system is not known, no frame is known, or pyproj is not installed.
+    """
+    if crs is None or LOCAL.match(crs):
+        return points
+    name = crs if len(crs) < 40 else crs.split('"')[1]
+    if frame is None:
+        raise DataError(
+            f"is in {name} and no origin is known; write it in metres, or give the map an origin (erm export)"
+        )
+    pyproj = require_library("pyproj", "gis", name, "use local metres")
+    try:
+        transformer = pyproj.Transformer.from_crs(crs, WGS84, always_xy=True)
+        longitude, latitude = transformer.transform(points[..., 0], points[..., 1])
+    except pyproj.exceptions.ProjError as error:
+        raise DataError(f"coordinate system {name} is not known ({error}); expected one such as EPSG:25832") from None
+    return frame.to_local(np.stack([longitude, latitude], axis=-1))[..., :2]
 
 
 @lru_cache(maxsize=16)

@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from erm.common.constants import c
 from erm.common.errors import DataError
-from erm.common.storage import atomic_path, open_group, require_file
+from erm.common.storage import atomic_path, open_group
+from erm.common.text_files import read_table
 from erm.mpcs.standard_errors import SIGMAS
 from erm.mpcs.table import OPTIONAL, VALUES, columns_of_product, empty_table, make_table
 
@@ -84,7 +85,8 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
 def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     """Read one CSV file.
 
-    Its header holds `COLUMNS` in any order, and any of `OPTIONAL`. Other columns are ignored.
+    Its header holds `COLUMNS` in any order, and any of `OPTIONAL`. Other columns are ignored. Separators and encodings
+    are those of `erm.common.text_files.read_table`. A standard deviation that is not positive is taken as unknown.
 
     Returns
     -------
@@ -98,29 +100,19 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     DataError
         The file is missing, is not text, or lacks a column.
     """
-    path = Path(path)
-    require_file(path)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            rows = list(reader)
-            header = list(reader.fieldnames or [])
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(
-            f"{path}: not a text table ({error}); expected CSV with the header {','.join(COLUMNS)}"
-        ) from None
-    if missing := [name for name in COLUMNS if name not in header]:
+    text = read_table(path, f"CSV with the header {','.join(COLUMNS)}")
+    if missing := [name for name in COLUMNS if name not in text.header]:
         some = f"has no column {', '.join(missing)}" if len(missing) < len(COLUMNS) else "not an MPC table"
         raise DataError(f"{path}: {some}; expected the header {','.join(COLUMNS)}")
 
     numbers = {
-        name: np.array([_number(row.get(name), name in BLANK_ALLOWED) for row in rows], dtype=float)
+        name: np.array([_number(cell, name in BLANK_ALLOWED) for cell in text.column(name)], dtype=float)
         for name in (*COLUMNS[1:], *OPTIONAL)
     }
     unreadable = {name: np.isinf(column) for name, column in numbers.items()}
     los = numbers.pop("los")
     table = make_table(
-        {"position": np.array([(row["position"] or "").strip() for row in rows], dtype=str)}
+        {"position": np.array(text.column("position"), dtype=str)}
         | {"los": np.where(np.isin(los, (0, 1)), los, -1)}
         | {
             end: np.column_stack([numbers.pop(f"{end[:2]}_{axis}") for axis in "xyz"])
@@ -130,7 +122,9 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     )
     rules = {f"{name} is not a number": bad for name, bad in unreadable.items()}
     rules["los is not 1, 0 or blank"] = ~np.isnan(los) & ~np.isin(los, (0, 1))
-    return _checked(table, path, rules, first_line=2)
+    unknown = [f"{path}: {line}" for line in _not_positive(numbers, text.lines)]
+    table, problems = _checked(table, path, rules, text.lines)
+    return table, unknown + problems
 
 
 def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
@@ -178,7 +172,7 @@ def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
             table[name][:] = np.nan
     doubtful = bool({"delay", "azimuth", "position"} & set(doubts))
     rule = f"the product marks {' and '.join(doubts)} as doubtful; see sounder info, or process with --trust-all"
-    return _checked(table, path, {rule: np.full(table.sizes["mpc"], doubtful)}, first_line=0)
+    return _checked(table, path, {rule: np.full(table.sizes["mpc"], doubtful)}, None)
 
 
 def write_mpcs(table: "xr.Dataset", path: Path | str) -> None:
@@ -226,9 +220,8 @@ def _measured(table: "xr.Dataset") -> list[bytes]:
     return [row.tobytes() for row in np.ascontiguousarray(np.hstack([*places, *values]))]
 
 
-def _number(text: str | None, blank_allowed: bool) -> float:
+def _number(text: str, blank_allowed: bool) -> float:
     """Number in a cell: NaN for a blank that is allowed, infinite for anything else that is not a number."""
-    text = (text or "").strip()
     if not text and blank_allowed:
         return np.nan
     try:
@@ -238,8 +231,21 @@ def _number(text: str | None, blank_allowed: bool) -> float:
     return value if np.isfinite(value) or blank_allowed else np.inf
 
 
+def _not_positive(numbers: Mapping[str, npt.NDArray[np.float64]], lines: Sequence[int]) -> list[str]:
+    """One line for each column of standard deviations with values that are not positive: they are taken as unknown."""
+    problems = []
+    for name in (name for name in OPTIONAL if name.endswith("_std")):
+        wrong = numbers[name] <= 0
+        if wrong.any():
+            problems.append(
+                f"{name} is not positive in {np.count_nonzero(wrong)} of {len(wrong)} rows (first: line "
+                f"{lines[np.argmax(wrong)]}); taken as unknown; leave unknown values blank"
+            )
+    return problems
+
+
 def _checked(
-    table: "xr.Dataset", path: Path | str, rules: Mapping[str, npt.NDArray[np.bool_]], first_line: int
+    table: "xr.Dataset", path: Path | str, rules: Mapping[str, npt.NDArray[np.bool_]], lines: Sequence[int] | None
 ) -> tuple["xr.Dataset", list[str]]:
     """Drop the rows that break a rule; return one line for each broken rule."""
     tx, rx = table["tx_position"].values, table["rx_position"].values
@@ -263,7 +269,7 @@ def _checked(
     for rule, rows in broken.items():
         dropped = rows & kept
         if dropped.any():
-            where = f"line {np.argmax(dropped) + first_line}" if first_line else f"MPC {np.argmax(dropped)}"
+            where = f"line {lines[np.argmax(dropped)]}" if lines else f"MPC {np.argmax(dropped)}"
             problems.append(f"{path}: {np.count_nonzero(dropped)} of {len(kept)} rows dropped: {rule} (first: {where})")
         kept &= ~rows
     return table.isel(mpc=kept), problems

@@ -36,9 +36,9 @@ def make_table(columns: Columns) -> "xr.Dataset":
         Arrays by column name. Required: ``position`` (name), ``tx_position`` and ``rx_position`` (mpc, 3) or (3,) [m],
         ``frequency`` [Hz], ``delay`` [s], ``azimuth`` [degree], ``path_gain`` [dB]. Optional: ``los`` (1 line of
         sight, 0 none, -1 unknown), ``elevation`` [degree], and the columns of `OPTIONAL`: standard deviations
-        (``_std``); ``gain_slope`` [dB/degree] and ``gain_curvature`` [dB/degree2], the first and second derivative of
-        the path gain with the assumed elevation; ``wrap_period`` [s], where the delay may be too short by a multiple
-        of this period.
+        (``_std``), unknown if they are not positive; ``gain_slope`` [dB/degree] and ``gain_curvature`` [dB/degree2],
+        the first and second derivative of the path gain with the assumed elevation; ``wrap_period`` [s], where the
+        delay may be too short by a multiple of this period.
 
     Returns
     -------
@@ -72,8 +72,10 @@ def make_table(columns: Columns) -> "xr.Dataset":
         table[end] = (("mpc", "xyz"), value.copy(), {"units": "m"})
     units = {"frequency": "Hz"} | VALUES | OPTIONAL
     for name, unit in units.items():
-        value = np.broadcast_to(given.get(name, np.asarray(np.nan)).astype(float), count)
-        table[name] = (("mpc",), value.copy(), {"units": unit})
+        value = np.broadcast_to(given.get(name, np.asarray(np.nan)).astype(float), count).copy()
+        if name.endswith("_std"):
+            value[value <= 0] = np.nan
+        table[name] = (("mpc",), value, {"units": unit})
     return xr.Dataset(table)
 
 

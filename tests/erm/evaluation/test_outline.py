@@ -17,6 +17,7 @@ from erm.evaluation.outline import (
     summary,
 )
 from erm.maps.environment import Environment
+from erm.maps.georeference import Georeference
 from erm.maps.outline import outline_of, read_outline
 
 SQUARE = np.array([[[0, 0], [10, 0]], [[10, 0], [10, 10]], [[10, 10], [0, 10]], [[0, 10], [0, 0]]], dtype=float)
@@ -138,7 +139,13 @@ def test_an_environment_is_an_outline_without_its_poles():
         ("nonsense", "not JSON"),
         ("[1, 2]", "no GeoJSON type"),
         ('{"type": "FeatureCollection", "features": []}', "no LineString or Polygon is left"),
-        ('{"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": null}]}', "not GeoJSON"),
+        (
+            '{"type": "Feature", "geometry": null}',
+            "no LineString or Polygon is left",
+        ),
+        ('{"type": "FeatureCollection", "features": null}', "features is not a list"),
+        ('{"type": "LineString", "coordinates": [[1], [2]]}', "two finite numbers"),
+        ('{"type": "LineString", "coordinates": [[0, 0], [9, 0]], "crs": {"type": "link"}}', "crs has no name"),
     ],
 )
 def test_what_is_no_outline_is_refused_in_one_line(tmp_path: Path, text, complaint):
@@ -152,3 +159,38 @@ def test_what_is_no_outline_is_refused_in_one_line(tmp_path: Path, text, complai
 def test_a_missing_outline_is_named(tmp_path: Path):
     with pytest.raises(DataError, match="No such file"):
         read_outline(tmp_path / "none.geojson")
+
+
+def test_numbers_written_as_text_and_features_without_geometry_are_read(tmp_path: Path):
+    def feature(line, **properties):
+        return {"type": "Feature", "geometry": line and {"type": "LineString", "coordinates": line}} | properties
+
+    features = [
+        feature([[0, 0], [9, 0]], properties={"z_slice_m": "1.5", "visible_from_any_rx_frac": "0.8"}),
+        feature([[0, 9], [9, 9]], properties={"z_slice_m": 1.5}),
+        feature([[0, 5], [9, 5]], properties={"z_slice_m": "3"}),
+        feature(None, properties=None),
+    ]
+    path = tmp_path / "o.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8-sig")
+    assert read_outline(path, min_visible=0.5).tolist() == [[[0, 0], [9, 0]], [[0, 9], [9, 9]]]
+    path.write_text(json.dumps(feature([[0, 0], [9, 0]], properties={"z_slice_m": "low"})))
+    with pytest.raises(DataError, match="property z_slice_m is 'low'; expected a number"):
+        read_outline(path)
+
+
+@pytest.mark.parametrize("code", [25832, 3857, 4326])
+def test_a_declared_coordinate_system_is_that_of_its_library(tmp_path: Path, code):
+    pyproj = pytest.importorskip("pyproj")
+    frame = Georeference(48.1, 11.5, height=520.0, heading=30.0)
+    local = np.array([[0.0, 0.0], [100.0, 20.0]])
+    geodetic = frame.to_geodetic(local)
+    declared = pyproj.Transformer.from_crs(4326, code, always_xy=True).transform(*geodetic[:, :2].T)
+    line = {"type": "LineString", "coordinates": np.column_stack(declared).tolist()}
+    path = tmp_path / "o.geojson"
+    for name in (f"EPSG:{code}", f"urn:ogc:def:crs:EPSG::{code}"):
+        path.write_text(json.dumps(line | {"crs": {"type": "name", "properties": {"name": name}}}))
+        np.testing.assert_allclose(read_outline(path, georeference=frame)[0], local, atol=1e-6)
+    path.write_text(json.dumps(line | {"crs": {"type": "name", "properties": {"name": "EPSG:1"}}}))
+    with pytest.raises(DataError, match="coordinate system EPSG:1 is not known"):
+        read_outline(path, georeference=frame)

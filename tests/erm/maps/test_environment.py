@@ -2,6 +2,7 @@
 
 import json
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from erm.common.errors import DataError
 from erm.geometry.vertical import unit
 from erm.maps.environment import Environment, Slab
 from erm.maps.formats import read_map, write_map
+from erm.maps.formats.geopackage import LOCAL_METRES
 from erm.maps.materials import Material
 from erm.maps.reflectors import make_reflectors
 
@@ -117,8 +119,8 @@ def test_a_csv_needs_end_points_alone(tmp_path):
     ("name", "content", "complaint"),
     [
         ("a.h5", "text", "not an HDF5 file"),
-        ("a.geojson", "{", "not GeoJSON"),
-        ("a.geojson", "[]", "FeatureCollection"),
+        ("a.geojson", "{", "not JSON"),
+        ("a.geojson", "[]", "no GeoJSON type"),
         ("a.geojson", '{"type": "FeatureCollection", "features": [{"geometry": null}]}', "feature 0"),
         ("a.gpkg", "text", "not a GeoPackage"),
         ("a.geojson", '{"type": "FeatureCollection", "features": 3}', "features"),
@@ -127,7 +129,7 @@ def test_a_csv_needs_end_points_alone(tmp_path):
         ("a.csv", "", "empty"),
         ("a.csv", "first_east,first_north,second_east,second_north,normal\n0,0,1,0,inf\n", "column normal"),
         ("a.csv", "kind\nwall\n", "no column first_east"),
-        ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1\n", "row 1 has 3 cells"),
+        ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1\n", "line 2 has 3 cells"),
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1,x\n", "column second_north"),
         ("a.csv", "first_east,first_north,second_east,second_north\n1,1,1,1\n", "length 0"),
         ("a.shp", "text", "unknown format"),
@@ -244,3 +246,24 @@ def test_impossible_places_are_refused():
         Environment.empty(ground=Slab(3.0), ceiling=Slab(2.0))
     with pytest.raises(DataError, match="shape"):
         Environment.walls([[0, 1, 2]])
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg"])
+def test_every_segment_of_lines_and_rings_is_a_wall(tmp_path, suffix):
+    square = [[0.0, 0.0], [10.0, 0.0], [10.0, 5.0], [0.0, 5.0], [0.0, 0.0]]
+    shapes = [
+        {"type": "MultiLineString", "coordinates": [[[0.0, 9.0], [4.0, 9.0]], [[5.0, 9.0], [6.0, 9.0], [6.0, 8.0]]]},
+        {"type": "Polygon", "coordinates": [square]},
+        None,
+    ]
+    path = tmp_path / f"map{suffix}"
+    if suffix == ".geojson":
+        features = [{"type": "Feature", "properties": None, "geometry": shape} for shape in shapes]
+        path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    else:
+        pyogrio, shapely = pytest.importorskip("pyogrio"), pytest.importorskip("shapely")
+        geometry = np.array([shape and shapely.from_geojson(json.dumps(shape)).wkb for shape in shapes], dtype=object)
+        pyogrio.raw.write(path, geometry, [], [], driver="GPKG", geometry_type="Unknown", crs=LOCAL_METRES)
+    table = read_map(path).reflectors
+    assert table["kind"].values.tolist() == 7 * ["wall"]
+    np.testing.assert_array_equal(table["end_points"].values[3:7], list(pairwise(square)))

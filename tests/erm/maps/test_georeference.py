@@ -137,7 +137,7 @@ def test_a_map_drawn_in_wgs_84_needs_latitude_and_longitude_of_its_origin(tmp_pa
     parallel = np.linalg.norm(geocentric(11.501, 48.1, 0) - geocentric(11.5, 48.1, 0))
     assert along[0] == pytest.approx(parallel, abs=1e-6)
     path.write_text(json.dumps(document | {"crs": {"type": "name", "properties": {"name": "EPSG:4326"}}}))
-    with pytest.raises(DataError, match="WGS 84") as error:
+    with pytest.raises(DataError, match="EPSG:4326 and no origin is known") as error:
         read_map(path)
     assert str(path) in str(error.value)
 

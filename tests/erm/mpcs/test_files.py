@@ -120,8 +120,8 @@ def test_a_missing_column_is_named_with_the_header_that_would_be_right(tmp_path:
 
 
 def test_bytes_are_no_table(tmp_path: Path):
-    (tmp_path / "t.csv").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(DataError, match="not a text table"):
+    (tmp_path / "t.csv").write_bytes(b"\xff\xfe\x00\xd8")
+    with pytest.raises(DataError, match="not text"):
         read_csv(tmp_path / "t.csv")
 
 
@@ -179,3 +179,24 @@ def test_a_product_that_does_not_say_where_it_was_is_refused(tmp_path: Path):
     write_product({"/": root, "mpc": xr.Dataset()}, tmp_path / "p.h5")
     with pytest.raises(DataError, match="has no tx_position"):
         read_product(tmp_path / "p.h5")
+
+
+@pytest.mark.parametrize("std", ["0", "-1"])
+def test_a_standard_deviation_that_is_not_positive_is_unknown_and_reported(tmp_path: Path, std):
+    header = f"{HEADER},delay_std,elevation_std"
+    table, problems = read_csv(lines(tmp_path / "t.csv", f"{GOOD},1e-10,0.5", f"{GOOD},{std},0.5", header=header))
+    assert np.isnan(table["delay_std"].values).tolist() == [False, True]
+    assert table["elevation_std"].values.tolist() == [0.5, 0.5]
+    assert problems == [
+        f"{tmp_path / 't.csv'}: delay_std is not positive in 1 of 2 rows (first: line 3); taken as unknown; leave "
+        "unknown values blank"
+    ]
+
+
+def test_a_table_of_a_spreadsheet_is_the_same_table(tmp_path: Path):
+    plain, _ = read_csv(lines(tmp_path / "t.csv", GOOD))
+    european = [line.replace(",", ";").replace(".", ",") for line in (HEADER.upper(), GOOD)]
+    (tmp_path / "e.csv").write_text("\r\n".join(["sep=;", *european]), encoding="cp1252")
+    table, problems = read_csv(tmp_path / "e.csv")
+    assert problems == []
+    assert table.equals(plain)

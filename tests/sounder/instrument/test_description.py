@@ -192,7 +192,7 @@ def test_comments_in_a_cut_are_passed_over(edited, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "expected"), [(None, "expected a TOML file"), (b"name = ", "not TOML"), (b"\xff\xfe", "not TOML")]
+    ("content", "expected"), [(None, "expected a TOML file"), (b"name = ", "not TOML"), (b"\xff\xfe\0\xd8", "not text")]
 )
 def test_a_file_that_is_no_toml_is_refused(tmp_path, content, expected):
     path = tmp_path / "x.toml"

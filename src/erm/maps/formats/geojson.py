@@ -5,7 +5,6 @@ RFC 7946 requires, of points in the local plane z = 0.
 """
 
 import json
-from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,9 @@ import numpy as np
 
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path
+from erm.maps.features import Shape, read_features
 from erm.maps.formats.columns import COVARIANCES, DEFAULTS, ENDS, Columns
-from erm.maps.georeference import Georeference, declared_frame
+from erm.maps.georeference import Georeference, declared_frame, place_in_frame
 
 DIGITS = 11
 """Decimal digits of longitude and latitude [degree]: 1 micrometre."""
@@ -44,46 +44,26 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
-    """Read a file of `write`, or a hand-drawn one. A LineString of many points becomes several walls."""
+    """Read a file of `write`, or a hand-drawn one. Each segment of a line or of a polygon is a wall."""
+    shapes, document = read_features(path, "walls (LineString) and poles (Point)")
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise DataError(f"{path}: not GeoJSON ({error}); expected a FeatureCollection") from error
-    if not isinstance(document, dict) or document.get("type") != "FeatureCollection":
-        raise DataError(f"{path}: not a GeoJSON FeatureCollection of walls (LineString) and poles (Point)")
-    features = document.get("features", [])
-    if not isinstance(features, list):
-        raise DataError(f"{path}: features is not a list; expected walls (LineString) and poles (Point)")
-    rows: list[dict[str, Any]] = []
-    for index, feature in enumerate(features):
-        try:
-            shape = feature["geometry"]
-            rows += rows_of_shape(shape["type"], shape["coordinates"], feature.get("properties") or {})
-        except (TypeError, ValueError, KeyError, AttributeError) as error:
-            raise DataError(f"{path}: feature {index} is neither a LineString nor a Point ({error!r})") from error
-    columns = table_of_rows(rows)
-    geodetic, frame = declared_frame(document)
-    if frame:
-        local = frame.to_local(np.stack([columns[name] for name in ENDS], axis=-1).reshape(-1, 2, 2))[..., :2]
-        columns |= dict(zip(ENDS, local.reshape(-1, 4).T, strict=True))
-    elif geodetic:
-        raise DataError(f"{path}: is in WGS 84 without a local origin; add the member georeference beside features")
-    return columns, document
+        crs, frame = declared_frame(document)
+        rows = [row for shape in shapes for row in rows_of_shape(shape, crs, frame)]
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
+    return table_of_rows(rows), document
 
 
-def rows_of_shape(kind: str, points: list[list[float]], properties: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Rows of the reflectors of one shape: a Point is a pole, each segment of a LineString is a wall."""
-    row = dict(properties)
-    if kind == "Point":
-        # coordinates of a Point are numbers, those of a LineString are lists; the type does not say which
-        points = [points, points] if np.isscalar(points[0]) else [*points, *points]  # type: ignore[list-item]
+def rows_of_shape(shape: Shape, crs: str | None, frame: Georeference | None) -> list[dict[str, Any]]:
+    """Rows of the reflectors of one shape: a point is a pole, each segment of a line or ring is a wall."""
+    points = place_in_frame(shape.points, crs, frame).tolist()
+    row = dict(shape.properties)
+    if len(points) == 1:
         row.setdefault("kind", "pole")
-    elif kind != "LineString" or len(points) < 2:
-        raise ValueError(kind)
-    if len(points) > 2:  # several walls cannot have one normal
+        points *= 2
+    elif len(points) > 2:  # several walls cannot have one normal
         row = {name: value for name, value in row.items() if name not in ("normal", "offset", *COVARIANCES)}
-    ends = [[*first[:2], *second[:2]] for first, second in pairwise(points)]
-    return [row | dict(zip(ENDS, map(float, four), strict=True)) for four in ends]
+    return [row | dict(zip(ENDS, [*first, *second], strict=True)) for first, second in pairwise(points)]
 
 
 def table_of_rows(rows: list[dict[str, Any]]) -> Columns:

@@ -10,8 +10,10 @@ import numpy as np
 from erm.common.errors import DataError
 from erm.common.optional import require_library
 from erm.common.storage import atomic_path
+from erm.maps.features import Shape, points_of
 from erm.maps.formats.columns import DEFAULTS, ENDS, Columns
 from erm.maps.formats.geojson import rows_of_shape, table_of_rows
+from erm.maps.georeference import Georeference
 
 LAYER = "reflectors"
 LOCAL_METRES = 'LOCAL_CS["local metres",UNIT["metre",1],AXIS["east",EAST],AXIS["north",NORTH]]'
@@ -57,12 +59,14 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, IndexError, ValueError) as error:
         raise DataError(f"{path}: not a GeoPackage of reflectors ({error})") from error
     rows: list[dict[str, Any]] = []
+    place = scene.get("georeference")
+    frame = None if place is None else Georeference.from_dict(place)
     for index, shape in enumerate(shapely.from_wkb(shapes)):
+        if shape is None or shape.is_empty:
+            continue
         properties = {name: column[index] for name, column in zip(meta["fields"], fields, strict=True)}
-        try:
-            rows += rows_of_shape(shape.geom_type, shapely.get_coordinates(shape).tolist(), properties)
-        except (TypeError, ValueError, AttributeError) as error:
-            raise DataError(f"{path}: feature {index} is neither a LineString nor a Point ({error!r})") from error
+        for points in points_of(json.loads(shapely.to_geojson(shape))):
+            rows += rows_of_shape(Shape(points, properties), meta["crs"], frame)
     return table_of_rows(rows), scene
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path
+from erm.common.text_files import read_text, split_table
 from erm.maps.formats.columns import Columns
 
 COMMENT = "# environment "
@@ -27,22 +28,14 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     """Read a file of `write`; the comment line may be absent."""
-    scene: dict[str, Any] = {}
+    text = read_text(path, "a CSV of reflectors")
+    first = text.partition("\n")[0]
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        if lines and lines[0].startswith(COMMENT):
-            scene = json.loads(lines[0].removeprefix(COMMENT))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        scene = json.loads(first.removeprefix(COMMENT)) if first.startswith(COMMENT) else {}
+    except json.JSONDecodeError as error:
         raise DataError(f"{path}: not a CSV of reflectors ({error})") from error
-    try:
-        rows = [row for row in csv.reader(line for line in lines if not line.startswith("#")) if row]
-    except csv.Error as error:
-        raise DataError(f"{path}: not a CSV of reflectors ({error})") from error
-    if not rows:
-        raise DataError(f"{path}: empty; expected a header and one row per reflector")
-    header, *body = rows
-    for index, row in enumerate(body):
-        if len(row) != len(header):
-            raise DataError(f"{path}: row {index + 1} has {len(row)} cells, the header {len(header)}")
-    cells = np.array(body, dtype=object).reshape(len(body), len(header))
-    return {name.strip(): cells[:, index] for index, name in enumerate(header)}, scene
+    table = split_table(text, path, "a header and one row per reflector")
+    for line, row in zip(table.lines, table.rows, strict=True):
+        if len(row) != len(table.header):
+            raise DataError(f"{path}: line {line} has {len(row)} cells, the header {len(table.header)}")
+    return {name: np.array(table.column(name), dtype=object) for name in table.header}, scene
