@@ -239,7 +239,7 @@ def _not_positive(numbers: Mapping[str, npt.NDArray[np.float64]], lines: Sequenc
         if wrong.any():
             problems.append(
                 f"{name} is not positive in {np.count_nonzero(wrong)} of {len(wrong)} rows (first: line "
-                f"{lines[np.argmax(wrong)]}); taken as unknown; leave unknown values blank"
+                f"{lines[int(np.argmax(wrong))]}); taken as unknown; leave unknown values blank"
             )
     return problems
 
@@ -269,7 +269,7 @@ def _checked(
     for rule, rows in broken.items():
         dropped = rows & kept
         if dropped.any():
-            where = f"line {lines[np.argmax(dropped)]}" if lines else f"MPC {np.argmax(dropped)}"
+            where = f"line {lines[int(np.argmax(dropped))]}" if lines else f"MPC {np.argmax(dropped)}"
             problems.append(f"{path}: {np.count_nonzero(dropped)} of {len(kept)} rows dropped: {rule} (first: {where})")
         kept &= ~rows
     return table.isel(mpc=kept), problems
