@@ -18,11 +18,14 @@ class Cut(Table):
         Angles off boresight, ascending, on both sides of 0 [degree].
     azimuth, elevation : tuple of float
         Gain at these angles in the horizontal and in the vertical cut [dB]; the level at 0 is the reference.
+    gain : float, optional
+        Boresight gain that the file of the cuts states [dBi]. It is compared with that of the antenna.
     """
 
     angle: tuple[float, ...]
     azimuth: tuple[float, ...]
     elevation: tuple[float, ...]
+    gain: float | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -88,11 +91,15 @@ class Antenna(Table):
         if (self.pattern == "cut") != (self.cut is not None):
             raise ValueError('pattern "cut" and the key cut go together')
         if self.cut is not None:
+            if self.cut.gain is not None and abs(self.cut.gain - self.gain) > GAIN_DIFFERENCE:
+                raise ValueError(f"gain is {self.gain:g} dBi, but the file of the cut states {self.cut.gain:g} dBi")
             for name, width in (("azimuth", self.hpbw_azimuth), ("elevation", self.hpbw_elevation)):
                 _require_main_lobe(self.cut, name, width or math.inf)
         return self
 
 
+GAIN_DIFFERENCE = 3.0
+"""How far the gain that a file states may be from the described one [dB]: a factor of 2. Chosen; not derived."""
 WIDTH_RATIO = 3.0
 """How far the half-power width of a cut may be from the described one, either way. A cut with one point a beamwidth
 comes out half as wide; linear power or zenith angles have no half-power width at all. Chosen; not derived."""
