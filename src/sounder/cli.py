@@ -19,7 +19,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # markup would swallow units in brackets
     help="Process raw captures of a radio channel sounder.",
 )
-console.add_version(app)
+console.add_options(app)
 
 Layout = Annotated[Path | None, typer.Option(help="Layout (TOML) of a foreign HDF5 or MATLAB file.")]
 Description = Annotated[

@@ -1,6 +1,5 @@
 """TOML files: reader, base class of all tables, and one-line error messages."""
 
-import tomllib
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -18,6 +17,7 @@ from pydantic import (
 )
 
 from erm.common.errors import DataError
+from erm.common.gate.nesting import MAX_TOML, parse_toml
 from erm.common.text_files import read_text
 from erm.common.usage import invalid_value, shortened
 
@@ -81,10 +81,10 @@ def read_toml(path: Path | str) -> dict[str, Any]:
     DataError
         The file is missing or not TOML.
     """
-    text = read_text(path, "a TOML file")
+    text = read_text(path, "a TOML file", limit=MAX_TOML)
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        return parse_toml(text)
+    except ValueError as error:
         raise DataError(f"{path}: not TOML ({error})") from None
 
 

@@ -16,7 +16,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # markup would swallow units in brackets
     help="Reconstruct the environment from multipath components (MPCs), evaluate it, and predict from it.",
 )
-console.add_version(app)
+console.add_options(app)
 for command in (reconstruct, predict, letter, evaluate, export):
     app.command()(command)
 

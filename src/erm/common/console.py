@@ -9,6 +9,7 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from erm.common.errors import DataError, OptionError
+from erm.common.gate import limits
 from erm.common.launch import INTERRUPTED
 from erm.common.storage import SOFTWARE, atomic_path
 from erm.common.usage import usage_message
@@ -75,9 +76,11 @@ def _raise_lost_interrupt() -> None:
         raise KeyboardInterrupt
 
 
-def add_version(app: "typer.Typer") -> None:
-    """Add the option ``--version`` to a command line."""
+def add_options(app: "typer.Typer") -> None:
+    """Add the options before the command to a command line: ``--version`` and the limits of files."""
     import typer
+
+    defaults = limits.current()
 
     def print_version(given: bool) -> None:
         if given:
@@ -89,8 +92,15 @@ def add_version(app: "typer.Typer") -> None:
         version: bool = typer.Option(
             False, "--version", callback=print_version, is_eager=True, help="Print the version."
         ),
+        max_memory: float = typer.Option(
+            defaults.max_bytes / limits.GIB, min=0.001, help="Largest array that is read from a file [GiB]."
+        ),
+        virtual: bool = typer.Option(
+            False, "--virtual", help="Read virtual HDF5 datasets, whose data are in other files of the folder."
+        ),
     ) -> None:
         del version
+        limits.allow(limits.Limits(int(max_memory * limits.GIB), virtual))
 
 
 def show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

@@ -1,11 +1,14 @@
 """Errors that a user can act on."""
 
+from erm.common.printable import printable
+
 
 class DataError(ValueError):
     """Something in a user's file or argument is wrong.
 
     The message is one line: the file, what was found, what was expected, what to do. Command lines print it and exit
-    with code 1. A traceback would be a bug.
+    with code 1. A traceback would be a bug. Several errors that are raised as one have a line each. Control characters,
+    which a hostile file can hold in its names, are escaped.
 
     Examples
     --------
@@ -14,6 +17,9 @@ class DataError(ValueError):
     Traceback (most recent call last):
     erm.common.errors.DataError: absent.geojson: no such file
     """
+
+    def __init__(self, message: object) -> None:
+        super().__init__("\n".join(map(printable, str(message).split("\n"))))
 
 
 class OptionError(DataError):

@@ -4,7 +4,6 @@ import glob
 import hashlib
 import json
 import os
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -13,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from erm.common.errors import DataError
+from erm.common.gate.damage import refused
+from erm.common.gate.hdf5 import Group, open_hdf5
+from erm.common.gate.limits import current, too_large
 from erm.common.netcdf import write_group
 from erm.common.version import __version__
 
 if TYPE_CHECKING:
-    import h5py
     import xarray as xr
 
 SOFTWARE = f"sounder-to-map {__version__}"
@@ -139,60 +140,6 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
             write_group(file.require_group(group), dataset)
 
 
-def require_file(path: Path) -> None:
-    """Refuse a path that is not a readable file with content.
-
-    Raises
-    ------
-    DataError
-        It is a folder, is missing, is empty, or must not be read.
-    """
-    if path.is_dir():
-        raise DataError(f"{path}: is a folder; name the files in it, as in {path / '*'}")
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
-    if not os.access(path, os.R_OK):
-        raise DataError(f"{path}: no permission to read it; ask its owner")
-    if not path.stat().st_size:
-        raise DataError(f"{path}: is empty; make or copy it again")
-
-
-def damaged(path: Path, error: OSError) -> DataError:
-    """Error for an HDF5 file that cannot be read; it says how much is missing if the file is cut short."""
-    whole = re.search(r"stored_eof = (\d+)", str(error))
-    what = f"{path.stat().st_size} of its {whole[1]} bytes" if whole else str(error)
-    return DataError(f"{path}: damaged HDF5 file ({what}); make or copy it again")
-
-
-@contextmanager
-def open_hdf5(path: Path, expected: str = "a file of this software") -> Iterator["h5py.File"]:
-    """Open an HDF5 file for reading.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    expected : str
-        What the file should be, for errors.
-
-    Raises
-    ------
-    DataError
-        The file is missing, is not HDF5, or is damaged.
-    """
-    import h5py  # slow to import; --help must stay fast
-
-    require_file(path)
-    if not h5py.is_hdf5(path):
-        raise DataError(f"{path}: not an HDF5 file; expected {expected}")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise damaged(path, error) from None
-    with file:
-        yield file
-
-
 def open_group(path: Path | str, group: str = "/", expected: str = "a product of this software") -> "xr.Dataset":
     """Load one group of a product into memory, and close the file.
 
@@ -214,13 +161,22 @@ def open_group(path: Path | str, group: str = "/", expected: str = "a product of
 
     path = Path(path)
     with open_hdf5(path, expected) as file:
-        held, kind = sorted(file), file.attrs.get("kind")
-        present = group in file
-    if not present:
-        what = f"is a {kind}" if isinstance(kind, str) else f"holds {', '.join(held[:5]) or 'nothing'}"
-        raise DataError(f"{path}: {what} and has no group {group}; expected {expected}")
-    try:
-        with xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
+        _require_group(file, group, expected)
+        with refused(path), xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
             return dataset.load()
-    except OSError as error:
-        raise damaged(path, error) from None
+
+
+def _require_group(file: Group, name: str, expected: str) -> None:
+    """Refuse a file that has no such group, or in which the group or one above it has what the gate refuses."""
+    node: Any = file
+    total = 0
+    for part in (None, *filter(None, name.split("/"))):
+        node = node if part is None else node.get(part)
+        if not isinstance(node, Group):
+            kind = file.attrs.get("kind")
+            what = f"is a {kind}" if isinstance(kind, str) else f"holds {', '.join(list(file)[:5]) or 'nothing'}"
+            raise DataError(f"{file.path}: {what} and has no group {name}; expected {expected}")
+        for member in node.values():
+            total += 0 if isinstance(member, Group) else member.item * member.size
+    if total > current().max_bytes:
+        raise DataError(f"{file.path}: {name} {too_large(total)}")

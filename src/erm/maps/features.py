@@ -5,7 +5,6 @@ References
 RFC 7946, The GeoJSON format, 2016; the member ``crs`` is of its predecessor, the GeoJSON specification of 2008.
 """
 
-import json
 from collections.abc import Iterator
 from math import isfinite
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from erm.common.errors import DataError
+from erm.common.gate.nesting import parse_json
 from erm.common.text_files import read_text
 from erm.geometry.vertical import FloatArray
 
@@ -51,8 +51,8 @@ def read_features(path: Path, expected: str) -> tuple[list[Shape], dict[str, Any
     """
     text = read_text(path, expected)
     try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        document = parse_json(text)
+    except ValueError as error:
         raise DataError(f"{path}: not JSON ({error}); expected {expected}") from None
     if not isinstance(document, dict) or "type" not in document:
         raise DataError(f"{path}: has no GeoJSON type; expected {expected}")
@@ -67,7 +67,7 @@ def read_features(path: Path, expected: str) -> tuple[list[Shape], dict[str, Any
             properties = (feature.get("properties") if is_feature else None) or {}
             if geometry is not None:
                 shapes += [Shape(points, dict(properties)) for points in points_of(geometry)]
-        except (KeyError, TypeError, ValueError, IndexError, AttributeError, RecursionError) as error:
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
             raise DataError(f"{path}: feature {index} is not GeoJSON ({error}); expected {expected}") from None
     return shapes, document
 

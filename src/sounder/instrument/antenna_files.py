@@ -11,6 +11,8 @@ from erm.common.errors import DataError
 from erm.common.text_files import read_text, split_table
 
 CUTS = ("angle", "azimuth", "elevation")
+MAX_SIZE = 2**26
+"""Largest file of a pattern [byte]; chosen: a grid of tenths of a degree has 6 million points."""
 EXPECTED = f"an antenna cut (CSV: {','.join(CUTS)}), a grid of directions, or a Planet file (MSI)"
 DIRECTIONS = (("azimuth", "elevation"), ("theta", "phi"), ("phi", "theta"))
 """First two columns of a grid."""
@@ -66,7 +68,7 @@ def read_cut(path: Path) -> dict[str, Any]:
     >>> cut["azimuth"][cut["angle"].index(5)]
     -3.027
     """
-    lines = [line for line in read_text(path, EXPECTED).splitlines() if not line.startswith("#")]
+    lines = [line for line in read_text(path, EXPECTED, limit=MAX_SIZE).splitlines() if not line.startswith("#")]
     for number, line in enumerate(lines):
         if PLANET.match(line):
             return _planet(path, lines)

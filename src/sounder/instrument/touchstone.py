@@ -6,9 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
+from erm.common.text_files import read_text
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+MAX_SIZE = 2**24
+"""Largest touchstone file [byte]; chosen: 200 000 frequencies."""
 
 
 def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tuple[Real, Complex]:
@@ -43,14 +47,13 @@ def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tu
     from skrf.io.touchstone import Touchstone
 
     path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file; expected a touchstone file (.s2p)")
+    read_text(path, "a touchstone file (.s2p)", limit=MAX_SIZE)
     if path.suffix.lower() != ".s2p":
         raise DataError(f"{path}: not a two-port touchstone file; expected the suffix .s2p")
     try:
         frequency, parameters = Touchstone(str(path)).get_sparameter_arrays()
         s21 = parameters[:, 1, 0]
-    except (ValueError, IndexError, NotImplementedError, UnicodeDecodeError) as error:
+    except Exception as error:  # the parser raises errors of many types for damaged files
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DataError(f"{path}: not readable as touchstone ({reason}); expected a two-port .s2p file") from None
     if frequency.size < 2 or not np.isfinite(s21).all() or not np.all(np.diff(frequency) > 0) or not s21.all():

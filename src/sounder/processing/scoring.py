@@ -1,6 +1,5 @@
 """Score of the MPCs in files: products and MPC tables compared with true paths."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from erm.common.errors import DataError
+from erm.common.gate.nesting import parse_json
 from erm.common.storage import open_group
 from erm.mpcs.files import read_csv, read_product
 from sounder.instrument.description import Sounder
@@ -58,15 +58,15 @@ def score_products(
             if unknown := sorted(set(positions) - set(names)):
                 known = ", ".join(sorted(set(names))[:3])
                 raise DataError(f"{product}: position {unknown[0]} is not in {truth}, which holds {known} and others")
+            local = true_paths.isel(path=np.flatnonzero(np.isin(names, positions)))
+            if root is not None:
+                sounder = _description(root, product)
+                local = with_snr(local, open_group(product, "/daps"), sounder)
+                periods.add(sounder.waveform.period)
         except DataError as error:
             problems.append(str(error))
             continue
         problems += complaints
-        local = true_paths.isel(path=np.flatnonzero(np.isin(names, positions)))
-        if root is not None:
-            sounder = Sounder.from_tables(json.loads(root.attrs["sounder"]), product)
-            local = with_snr(local, open_group(product, "/daps"), sounder)
-            periods.add(sounder.waveform.period)
         estimates.append(mpcs)
         paths.append(local)
     if not paths:
@@ -118,3 +118,11 @@ def _read(path: Path) -> tuple[xr.Dataset, list[str], xr.Dataset | None]:
     if path.suffix.lower() == ".csv":
         return *read_csv(path), None
     return *read_product(path), open_group(path)
+
+
+def _description(root: xr.Dataset, product: Path) -> Sounder:
+    try:
+        tables = parse_json(str(root.attrs.get("sounder")))
+    except ValueError:
+        raise DataError(f"{product}: attribute sounder is missing or not JSON; process the recording again") from None
+    return Sounder.from_tables(tables, product)

@@ -1,18 +1,19 @@
 """Content and data quality of a file, as labelled lines.
 
-Products and maps are read with h5py alone: `sounder info` must not wait for the libraries that made them.
+Products and maps are read without xarray: `sounder info` must not wait for the libraries that made them.
 """
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from erm.common.console import counted
 from erm.common.errors import DataError
-from erm.common.storage import SOFTWARE, open_hdf5
+from erm.common.gate.hdf5 import Dataset, Group, open_hdf5
+from erm.common.printable import printable
+from erm.common.storage import SOFTWARE
 from sounder.processing.summary_texts import Lines, line_of_sight, metres
 from sounder.quality.table import read_remarks, rows
 from sounder.remark import lines as remark_lines
@@ -94,57 +95,67 @@ def describe_foreign_file(
 def remarks_of(path: Path) -> list[dict[str, Any]]:
     """Remarks in a product, one by one with plain values; none for other files."""
     with open_hdf5(path) as file:
-        return rows(file["quality"], str(file["position"].asstr()[0])) if "quality" in file else []
+        try:
+            return rows(file.group("quality"), file.dataset("position").texts()[0]) if "quality" in file else []
+        except (KeyError, IndexError, ValueError, TypeError) as error:
+            raise _incomplete(file, error) from None
 
 
-def _product(file: h5py.File) -> Lines:
-    path, daps, mpc = file.filename, file["daps"], file["mpc"]
+def _product(file: Group) -> Lines:
+    attributes = file.attrs
     try:
-        attributes: dict[str, Any] = dict(file.attrs)
+        daps, mpc = file.group("daps"), file.group("mpc")
+        outside = int(mpc.attrs.number("paths_outside_fan"))
         lines = [
             ("kind", "product of sounder process"),
-            ("position", str(file["position"].asstr()[0])),
-            ("line of sight", line_of_sight(int(attributes["los"]))),
-            ("frequency", f"{attributes['frequency'] / 1e9:g} GHz"),
-            ("TX position", metres(file["tx_position"][0])),
-            ("RX position", metres(file["rx_position"][0])),
-            ("directions", f"{daps['azimuth'].size} azimuths x {daps['elevation'].size} elevations"),
-            ("noise floor", f"{np.nanmedian(daps['noise_floor'][()]):.1f} dB (median over directions)"),
-            ("MPCs", str(mpc["delay"].size)),
+            ("position", file.dataset("position").texts()[0]),
+            ("line of sight", line_of_sight(int(attributes.number("los")))),
+            ("frequency", f"{attributes.number('frequency') / 1e9:g} GHz"),
+            ("TX position", metres(file.dataset("tx_position").numbers()[0])),
+            ("RX position", metres(file.dataset("rx_position").numbers()[0])),
+            ("directions", f"{daps.dataset('azimuth').size} azimuths x {daps.dataset('elevation').size} elevations"),
+            ("noise floor", f"{np.nanmedian(daps.dataset('noise_floor').numbers()):.1f} dB (median over directions)"),
+            ("MPCs", str(mpc.dataset("delay").size)),
             (
                 "outside the scan",
-                f"{counted(mpc.attrs['paths_outside_fan'], 'path')} seen by sidelobes only; not among the MPCs",
+                f"{counted(outside, 'path')} seen by sidelobes only; not among the MPCs",
             ),
             ("strongest", _strongest(mpc)),
             (
                 "health",
-                f"{counted(attributes['missing_directions'], 'direction')} missing, "
-                f"{attributes['problem_directions']} with zero or clipped samples",
+                f"{counted(int(attributes.number('missing_directions')), 'direction')} missing, "
+                f"{int(attributes.number('problem_directions'))} with zero or clipped samples",
             ),
         ]
-        remarks = read_remarks(file["quality"])
-        recorded = int(attributes["recorded_directions"])
+        remarks = read_remarks(file.group("quality"))
+        recorded = int(attributes.number("recorded_directions"))
         for label, which in (("failure", True), ("note", False)):
-            lines += [(label, line) for line in remark_lines(remarks, recorded, failures=which)]
-        lines.append(("made by", f"{attributes['source']}, {attributes['processing_options']}"))
-    except KeyError as error:
-        raise DataError(f"{path}: the product is incomplete ({error}); process the recording again") from None
+            lines += [(label, printable(line)) for line in remark_lines(remarks, recorded, failures=which)]
+        lines.append(("made by", ", ".join(attributes.label(name, "?") for name in ("source", "processing_options"))))
+    except (KeyError, IndexError, ValueError, TypeError) as error:
+        raise _incomplete(file, error) from None
     return lines
 
 
-def _strongest(mpc: h5py.Group) -> str:
-    if not mpc["delay"].size:
+def _incomplete(file: Group, error: Exception) -> DataError:
+    reason = str(error).removeprefix(f"{file.path}: ")
+    return DataError(f"{file.path}: the product is incomplete ({reason}); process the recording again")
+
+
+def _strongest(mpc: Group) -> str:
+    if not mpc.dataset("delay").size:
         return "none"
-    delay, azimuth, gain = (float(mpc[name][0]) for name in ("delay", "azimuth", "path_gain"))
+    delay, azimuth, gain = (float(mpc.dataset(name).numbers()[0]) for name in ("delay", "azimuth", "path_gain"))
     return f"{delay * 1e9:.2f} ns, azimuth {azimuth:.1f} degree, path gain {gain:.1f} dB"
 
 
-def _other(file: h5py.File) -> Lines | None:
+def _other(file: Group) -> Lines | None:
     """What a truth file or a map says about itself; None for a file of other software."""
-    source = str(file.attrs.get("source", ""))
+    source = file.attrs.label("source", "")
     if not source.startswith(SOFTWARE.partition(" ")[0]):
         return None
-    labelled = [(label, file.attrs.get(name)) for label, name in (("kind", "title"), ("made by", "history"))]
-    axes = {name: len(node) for name, node in file.items() if getattr(node, "is_scale", False) and name != "xyz"}
+    labelled = [(label, file.attrs.label(name, "")) for label, name in (("kind", "title"), ("made by", "history"))]
+    axes = {name: node.size for name, node in file.items() if isinstance(node, Dataset) and node.is_scale}
+    axes.pop("xyz", None)
     holds = ", ".join(counted(length, name) for name, length in axes.items())
-    return [*((label, str(text)) for label, text in labelled if text), ("holds", holds), ("software", source)]
+    return [*((label, text) for label, text in labelled if text), ("holds", holds), ("software", source)]

@@ -73,7 +73,7 @@ def read_remarks(table: Mapping[Any, Any]) -> list[Remark]:
 
 
 def rows(table: Mapping[Any, Any], position: str) -> list[dict[str, Any]]:
-    """Rows of a table as plain values for JSON, NaN as None; also of a group that h5py opened.
+    """Rows of a table as plain values for JSON, NaN as None; also of an open HDF5 group.
 
     Parameters
     ----------
@@ -89,5 +89,5 @@ def rows(table: Mapping[Any, Any], position: str) -> list[dict[str, Any]]:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, bytes):
-        return value.decode()
+        return value.decode(errors="replace")
     return None if isinstance(value, float) and math.isnan(value) else value

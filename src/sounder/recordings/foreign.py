@@ -250,10 +250,7 @@ def _reader(
         a, e = int(order[0][azimuth, 0]), int(order[1][0, elevation])
         direction = e * directions[0] + a if block.slowest == "elevation" else a * directions[1] + e
         where = {"position": position, "azimuth": a, "elevation": e, "direction": direction, "snapshot": snapshots}
-        try:
-            return _captures(opened(), block, where)
-        except OSError as error:
-            raise DataError(f"{opened().path}: {block.dataset} cannot be read ({error}); copy the file again") from None
+        return _captures(opened(), block, where)
 
     return read
 

@@ -1,6 +1,5 @@
 """Access to a foreign HDF5 or MATLAB file by the names that a layout gives."""
 
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -8,12 +7,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from erm.common.storage import open_hdf5
+from erm.common.gate.hdf5 import Dataset, is_hdf5, open_hdf5, open_root
+from erm.common.gate.matlab import read_matlab
+from erm.common.printable import printable
 from sounder.recordings.layout import Reference
 
 CHUNK_CACHE = 64 * 2**20
@@ -36,15 +36,8 @@ class ForeignFile:
 
     def node(self, name: str) -> Any:
         """Dataset of a name; ``group/name`` in a group or in a MATLAB structure."""
-        node: Any = self.root
-        for part in name.strip("/").split("/"):
-            if isinstance(node, Mapping):
-                node = node.get(part)
-            elif isinstance(node, np.ndarray) and node.size == 1 and part in (node.dtype.names or ()):
-                node = node[part].item()
-            else:
-                node = None
-        if not isinstance(node, (h5py.Dataset, np.ndarray)):
+        node = self.root.get(name.strip("/"))
+        if not isinstance(node, (Dataset, np.ndarray)):
             raise DataError(f"{self.path}: no dataset {name}, which the layout names")
         return node
 
@@ -63,7 +56,7 @@ class ForeignFile:
         if found.size != 1 or found.dtype.kind not in "OSU":
             raise DataError(f"{self.path}: {label}: {name} is {found.dtype} {found.shape}; expected one text")
         text = found.item()
-        return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
+        return printable(text.decode(errors="replace") if isinstance(text, bytes) else str(text))
 
     def _resolve(self, value: Reference) -> tuple[str, NDArray[Any]]:
         """Name of a reference, for errors, and its value."""
@@ -133,8 +126,8 @@ def foreign_file(path: Path) -> Iterator[ForeignFile]:
     DataError
         There is no such file, or it is neither HDF5 nor MATLAB.
     """
-    if path.suffix == ".mat" and path.is_file() and not h5py.is_hdf5(path):
-        yield ForeignFile(path, _matlab(path))
+    if path.suffix.lower() == ".mat" and path.is_file() and not is_hdf5(path):
+        yield ForeignFile(path, read_matlab(path))
     else:
         with open_hdf5(path, "an HDF5 file, or a MATLAB file named .mat") as file:
             yield ForeignFile(path, file)
@@ -148,20 +141,10 @@ def opener(path: Path) -> Callable[[], ForeignFile]:
 
     @cache
     def file() -> ForeignFile:
-        return ForeignFile(path, h5py.File(path, rdcc_nbytes=CHUNK_CACHE) if h5py.is_hdf5(path) else _matlab(path))
+        # closed with the last recording that reads from it
+        return ForeignFile(path, open_root(path, rdcc_nbytes=CHUNK_CACHE) if is_hdf5(path) else read_matlab(path))
 
     return file
-
-
-def _matlab(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        tables: dict[str, Any] = loadmat(path)
-    except (ValueError, TypeError, IndexError, OSError, NotImplementedError, MatReadError, zlib.error) as error:
-        raise DataError(f"{path}: not a MATLAB file, or a damaged one ({error}); export it again") from None
-    return tables
 
 
 def _short(values: NDArray[Any]) -> str:

@@ -1,15 +1,15 @@
 """The native recording: an HDF5 file for each position."""
 
-import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from erm.common.storage import open_hdf5
+from erm.common.gate.hdf5 import Dataset, Group, is_hdf5, open_hdf5
+from erm.common.gate.limits import current, too_large
+from erm.common.gate.nesting import parse_json
 from sounder.instrument.description import Sounder
 from sounder.recordings.recording import BackToBack, Captures, Recording, check
 
@@ -26,7 +26,7 @@ def kind_of(path: Path) -> str | None:
 
 def other_kind(path: Path) -> str | None:
     """Name what else of this software a file is, if it is no recording; None for files of other software."""
-    if not h5py.is_hdf5(path):
+    if not is_hdf5(path):
         return None
     with open_hdf5(path) as file:
         if file.attrs.get("kind") == BACK_TO_BACK:
@@ -36,7 +36,7 @@ def other_kind(path: Path) -> str | None:
 
 def is_format(path: Path) -> bool:
     """Whether the file is a native recording."""
-    return path.is_file() and h5py.is_hdf5(path) and kind_of(path) == RECORDING
+    return is_hdf5(path) and kind_of(path) == RECORDING
 
 
 def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
@@ -63,7 +63,7 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
         if file.attrs.get("kind") != RECORDING:
             raise DataError(f"{path}: not a native recording; describe its layout with --layout FILE")
         _require(file, path, ("iq", "azimuth", "elevation", "tx_position", "rx_position"))
-        iq = file["iq"]
+        iq = file.dataset("iq")
         shape = iq.shape
         azimuth, elevation = (_ascending(file, path, name) for name in ("azimuth", "elevation"))
         directions = (azimuth.size, elevation.size)
@@ -73,7 +73,7 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
                 f"({azimuth.size} azimuths, {elevation.size} elevations, snapshot, sample, 2)"
             )
         recording = Recording(
-            name=str(file.attrs.get("position", path.stem)),
+            name=file.attrs.label("position", path.stem),
             source=path,
             sounder=sounder or _description(file, path),
             azimuth=azimuth,
@@ -84,7 +84,7 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
             scale_factor=_scale(iq, path),
             agc_gain=_grid(file, path, "agc_gain", directions, 0.0),
             valid=_grid(file, path, "valid", directions, 1.0) != 0,
-            los=int(file.attrs.get("los", -1)),
+            los=_line_of_sight(file, path),
             time=_grid(file, path, "time", directions, np.nan) if "time" in file else None,
             read=_reader(path, iq),
         )
@@ -94,30 +94,37 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
     return [recording]
 
 
-def _ascending(file: h5py.File, path: Path, name: str) -> NDArray[np.float64]:
-    values: NDArray[np.float64] = file[name][()].astype(float).reshape(-1)
+def _line_of_sight(file: Group, path: Path) -> int:
+    los = file.attrs.number("los", -1)
+    if los not in (-1, 0, 1):
+        raise DataError(f"{path}: los is {los:g}; expected 1 (line of sight), 0 (none) or -1 (not known)")
+    return int(los)
+
+
+def _ascending(file: Group, path: Path, name: str) -> NDArray[np.float64]:
+    values: NDArray[np.float64] = file.dataset(name).numbers().astype(float).reshape(-1)
     if not values.size or not np.isfinite(values).all() or (np.diff(values) <= 0).any():
         raise DataError(f"{path}: {name} is not in ascending order; expected finite ascending values")
     return values
 
 
-def _vector(file: h5py.File, path: Path, name: str, size: int) -> NDArray[np.float64]:
-    values: NDArray[np.float64] = file[name][()].astype(float).reshape(-1)
+def _vector(file: Group, path: Path, name: str, size: int) -> NDArray[np.float64]:
+    values: NDArray[np.float64] = file.dataset(name).numbers().astype(float).reshape(-1)
     if values.size != size:
         raise DataError(f"{path}: {name} has {values.size} numbers; expected {size}")
     return values
 
 
-def _grid(file: h5py.File, path: Path, name: str, shape: tuple[int, int], default: float) -> NDArray[np.float64]:
+def _grid(file: Group, path: Path, name: str, shape: tuple[int, int], default: float) -> NDArray[np.float64]:
     """Values of each direction (azimuth, elevation); the default if the file has none."""
-    values = file[name][()].astype(float) if name in file else np.full(shape, default)
+    values = file.dataset(name).numbers().astype(float) if name in file else np.full(shape, default)
     if values.shape != shape:
         raise DataError(f"{path}: {name} has shape {values.shape}; expected (azimuth, elevation), {shape}")
     return values
 
 
-def _scale(iq: h5py.Dataset, path: Path) -> float:
-    scale = float(iq.attrs.get("scale_factor", np.nan))
+def _scale(iq: Dataset, path: Path) -> float:
+    scale = iq.attrs.number("scale_factor", np.nan)
     if not 0 < scale < np.inf:
         raise DataError(
             f"{path}: scale_factor of iq is {scale:g}; expected the amplitude of one LSB, a positive number"
@@ -125,35 +132,48 @@ def _scale(iq: h5py.Dataset, path: Path) -> float:
     return scale
 
 
-def _reader(path: Path, iq: h5py.Dataset) -> Callable[[int, int, slice], Captures]:
-    """Reader of captures: through a memory map if the file stores ``iq`` in one piece, otherwise through HDF5.
+def _reader(path: Path, iq: Dataset) -> Callable[[int, int, slice], Captures]:
+    """Reader of captures: straight from the file if it stores ``iq`` in one piece, otherwise through HDF5."""
+    offset, shape = iq.offset, iq.shape
+    if offset is not None:
+        if path.stat().st_size < offset + iq.size * iq.item:
+            raise DataError(f"{path}: the file ends before its last sample; copy it again")
+        return _direct_reader(path, offset, shape)
 
-    Each call makes its own map, so that memory does not grow with what was read.
-    """
-    offset = iq.id.get_offset() if iq.chunks is None and iq.dtype.isnative else None
-    shape = iq.shape
-    if offset is not None and path.stat().st_size < offset + iq.id.get_storage_size():
-        raise DataError(f"{path}: the file ends before its last sample; copy it again")
+    def read(a: int, e: int, snapshots: slice) -> Captures:
+        with open_hdf5(path) as again:
+            captures: Captures = again.dataset("iq")[a, e, snapshots]
+        if captures.shape[1:] != shape[3:] or captures.dtype != np.int16:
+            raise DataError(f"{path}: iq changed while the file was read; copy it again")
+        return captures
 
-    def mapped(a: int, e: int, snapshots: slice) -> Captures:
+    return read
+
+
+def _direct_reader(path: Path, offset: int, shape: tuple[int, ...]) -> Callable[[int, int, slice], Captures]:
+    """Reader of int16 that stand in one piece. No memory map: a file that is cut while mapped kills the process."""
+    capture = 2 * shape[3] * shape[4]
+
+    def read(a: int, e: int, snapshots: slice) -> Captures:
         wanted = range(*snapshots.indices(shape[2]))
         if not wanted:
             return np.empty((0, *shape[3:]), np.int16)
         first, last = min(wanted[0], wanted[-1]), max(wanted[0], wanted[-1])
-        capture = 2 * shape[3] * shape[4]
-        start = offset + ((a * shape[1] + e) * shape[2] + first) * capture
-        piece = np.memmap(path, np.int16, "r", start, (last - first + 1, *shape[3:]))
+        count = last - first + 1
+        if count * capture > current().max_bytes:
+            raise DataError(f"{path}: a direction of iq {too_large(count * capture)}")
+        try:
+            with open(path, "rb", buffering=0) as file:
+                file.seek(offset + ((a * shape[1] + e) * shape[2] + first) * capture)
+                data = file.read(count * capture)
+        except OSError as error:
+            raise DataError(f"{path}: iq cannot be read ({error.strerror}); copy the file again") from None
+        if len(data) < count * capture:
+            raise DataError(f"{path}: became shorter while it was read; copy it again")
+        piece = np.frombuffer(data, np.int16).reshape(count, *shape[3:])
         return piece if wanted.step == 1 else piece[:: wanted.step]
 
-    def read(a: int, e: int, snapshots: slice) -> Captures:
-        try:
-            with open_hdf5(path) as again:
-                captures: Captures = again["iq"][a, e, snapshots]
-                return captures
-        except OSError as error:
-            raise DataError(f"{path}: iq cannot be read ({error}); copy the file again") from None
-
-    return read if offset is None else mapped
+    return read
 
 
 def back_to_back(path: Path) -> BackToBack:
@@ -170,10 +190,14 @@ def back_to_back(path: Path) -> BackToBack:
                 f"{path}: not a back-to-back recording; record one with an attenuator in place of the antennas"
             )
         _require(file, path, ("iq",))
-        iq = file["iq"]
-        if iq.ndim != (2 if iq.dtype.kind == "c" else 3) or (iq.ndim == 3 and iq.shape[2] != 2):
+        iq = file.dataset("iq")
+        if (
+            iq.dtype.kind not in "ifc"
+            or iq.ndim != (2 if iq.dtype.kind == "c" else 3)
+            or (iq.ndim == 3 and iq.shape[2] != 2)
+        ):
             raise DataError(f"{path}: iq is {iq.dtype} {iq.shape}; expected int16 (snapshot, sample, 2)")
-        attenuation = float(file.attrs.get("attenuation", np.nan))
+        attenuation = file.attrs.number("attenuation", np.nan)
         if not np.isfinite(attenuation):
             raise DataError(f"{path}: no attribute attenuation; expected the loss of the attenuator [dB]")
         return BackToBack(
@@ -183,20 +207,20 @@ def back_to_back(path: Path) -> BackToBack:
             scale_factor=_scale(iq, path),
             attenuation=attenuation,
             s21=_attenuator(file, path) if "attenuator_s21" in file else None,
-            includes_tx_antenna=bool(file.attrs.get("includes_tx_antenna", 0)),
-            title=str(file.attrs.get("title", BackToBack.title)),
+            includes_tx_antenna=bool(file.attrs.number("includes_tx_antenna", 0)),
+            title=file.attrs.label("title", BackToBack.title),
         )
 
 
-def _attenuator(file: h5py.File, path: Path) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _attenuator(file: Group, path: Path) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     _require(file, path, ("attenuator_frequency",))
-    frequency, s21 = _ascending(file, path, "attenuator_frequency"), file["attenuator_s21"][()]
+    frequency, s21 = _ascending(file, path, "attenuator_frequency"), file.dataset("attenuator_s21").numbers()
     if s21.shape != (frequency.size, 2):
         raise DataError(f"{path}: attenuator_s21 has shape {s21.shape}; expected ({frequency.size}, 2)")
     return frequency, s21 @ [1, 1j]
 
 
-def _require(file: h5py.File, path: Path, names: Iterable[str]) -> None:
+def _require(file: Group, path: Path, names: Iterable[str]) -> None:
     absent = [name for name in names if name not in file]
     if absent:
         raise DataError(
@@ -204,9 +228,9 @@ def _require(file: h5py.File, path: Path, names: Iterable[str]) -> None:
         )
 
 
-def _description(file: h5py.File, path: Path) -> Sounder:
+def _description(file: Group, path: Path) -> Sounder:
     try:
-        tables = json.loads(file.attrs["sounder"])
-    except (KeyError, ValueError):
+        tables = parse_json(file.attrs.text("sounder"))
+    except ValueError:
         raise DataError(f"{path}: attribute sounder is missing or not JSON; expected a sounder description") from None
     return Sounder.from_tables(tables, f"{path}: attribute sounder")

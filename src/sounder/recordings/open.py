@@ -8,10 +8,9 @@ are read with a layout: :mod:`sounder.recordings.foreign`.
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from h5py import is_hdf5
-
 from erm.common.errors import DataError
-from erm.common.storage import require_file
+from erm.common.gate.files import require_file
+from erm.common.gate.hdf5 import is_hdf5
 from sounder.instrument.description import Sounder
 from sounder.recordings import native
 from sounder.recordings.recording import Recording
@@ -53,7 +52,7 @@ def open_recordings(path: Path | str, sounder: Sounder | None = None) -> list[Re
             return found
     if (what := native.other_kind(path)) is not None:
         raise DataError(f"{path}: holds a {what}, not a recording")
-    if path.suffix != ".mat" and not is_hdf5(path):
+    if path.suffix.lower() != ".mat" and not is_hdf5(path):
         raise DataError(
             f"{path}: not an HDF5 file; expected a recording in HDF5, or a MATLAB file (.mat) with --layout FILE"
         )

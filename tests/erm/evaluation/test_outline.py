@@ -157,7 +157,7 @@ def test_what_is_no_outline_is_refused_in_one_line(tmp_path: Path, text, complai
 
 
 def test_a_missing_outline_is_named(tmp_path: Path):
-    with pytest.raises(DataError, match="No such file"):
+    with pytest.raises(DataError, match="no such file"):
         read_outline(tmp_path / "none.geojson")
 
 

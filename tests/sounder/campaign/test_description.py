@@ -108,8 +108,8 @@ def test_what_is_wrong_is_named_by_its_key(campaign, tmp_path, text, expected):
 def test_an_invalid_campaign_is_reported(tmp_path):
     (tmp_path / "RX1.h5").write_bytes(b"\x89HDF\r\n")
     for path, expected in (
-        (tmp_path / "absent.toml", "No such file or directory; expected a TOML file"),
-        (tmp_path, "Is a directory; expected a TOML file"),
+        (tmp_path / "absent.toml", "no such file; expected a TOML file"),
+        (tmp_path, "is a folder; expected a TOML file"),
         (tmp_path / "RX1.h5", "not TOML ("),
     ):
         with pytest.raises(DataError) as error:

@@ -256,7 +256,7 @@ def test_nothing_to_process_is_reported_and_nothing_written(written, copied, cap
 @pytest.mark.parametrize(
     ("replaced", "expected"),
     [
-        (("min_support = 2", 'outline = "absent.geojson"'), "{folder}/absent.geojson: cannot be read"),
+        (("min_support = 2", 'outline = "absent.geojson"'), "{folder}/absent.geojson: no such file"),
         (("min_support = 2", 'outline = "street/map.h5"'), "{folder}/street/map.h5: no such file"),
         (("positions", "position"), "{folder}/street.toml: figures.position: unknown key; did you mean positions?"),
     ],

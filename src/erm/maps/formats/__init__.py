@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from erm.common.errors import DataError, OptionError
+from erm.common.gate.files import require_file
 from erm.common.outputs import require_suffix
-from erm.common.storage import require_file
 
 if TYPE_CHECKING:
     import xarray as xr

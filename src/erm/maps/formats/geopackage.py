@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from erm.common.errors import DataError
+from erm.common.gate.geopackage import require_geopackage
+from erm.common.gate.nesting import parse_json
 from erm.common.optional import require_library
 from erm.common.storage import atomic_path
 from erm.maps.features import Shape, points_of
@@ -50,18 +52,20 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     pyogrio = library(path)
     import shapely
 
+    require_geopackage(path)
     try:
         layers = [str(name) for name, _ in pyogrio.list_layers(path)]
         layer = LAYER if LAYER in layers else layers[0]
         facts = pyogrio.read_info(path, layer=layer)
         meta, _, shapes, fields = pyogrio.raw.read(path, layer=layer)
-        scene = json.loads((facts.get("layer_metadata") or {}).get("environment", "{}"))
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, IndexError, ValueError) as error:
+        scene = dict(parse_json((facts.get("layer_metadata") or {}).get("environment", "{}")))
+        geometries = shapely.from_wkb(shapes)
+    except Exception as error:  # GDAL, GEOS and what is damaged raise errors of many types
         raise DataError(f"{path}: not a GeoPackage of reflectors ({error})") from error
     rows: list[dict[str, Any]] = []
     place = scene.get("georeference")
     frame = None if place is None else Georeference.from_dict(place)
-    for index, shape in enumerate(shapely.from_wkb(shapes)):
+    for index, shape in enumerate(geometries):
         if shape is None or shape.is_empty:
             continue
         properties = {name: column[index] for name, column in zip(meta["fields"], fields, strict=True)}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from erm.common.errors import DataError
+from erm.common.gate.nesting import parse_json
 from erm.common.storage import open_group, write_product
 from erm.maps.formats.columns import COVARIANCES, DEFAULTS, ENDS, Columns
 
@@ -50,8 +51,8 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
         raise DataError(f"{path}: holds no reflectors; expected an environment")
     attributes = dict(table.attrs)
     try:
-        scene = {name: json.loads(attributes.pop(name, "null")) for name in SCENE}
-    except (TypeError, json.JSONDecodeError) as error:
+        scene = {name: parse_json(attributes.pop(name, "null")) for name in SCENE}
+    except (TypeError, ValueError) as error:
         raise DataError(f"{path}: attributes of the scene are not JSON ({error}); write the map again") from error
     columns = {name: np.asarray(table[name].values) for name in (*ENDS, *DEFAULTS) if name in table}
     return columns, scene | {"attributes": attributes}

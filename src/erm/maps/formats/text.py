@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from erm.common.errors import DataError
+from erm.common.gate.nesting import parse_json
 from erm.common.storage import atomic_path
 from erm.common.text_files import read_text, split_table
 from erm.maps.formats.columns import Columns
@@ -31,8 +32,8 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     text = read_text(path, "a CSV of reflectors")
     first = text.partition("\n")[0]
     try:
-        scene = json.loads(first.removeprefix(COMMENT)) if first.startswith(COMMENT) else {}
-    except json.JSONDecodeError as error:
+        scene = parse_json(first.removeprefix(COMMENT)) if first.startswith(COMMENT) else {}
+    except ValueError as error:
         raise DataError(f"{path}: not a CSV of reflectors ({error})") from error
     table = split_table(text, path, "a header and one row per reflector")
     for line, row in zip(table.lines, table.rows, strict=True):

@@ -48,7 +48,7 @@ def test_damaged_samples_are_reported_when_they_are_read(tmp_path, opened):
         raw.write(bytes(range(8)))
     found, _ = opened(path, PLAIN)
     assert np.array_equal(found[0].captures(0, 0), IQ[0, 0, 0])
-    with pytest.raises(DataError, match=r"damaged\.h5: raw cannot be read"):
+    with pytest.raises(DataError, match=r"damaged\.h5: damaged HDF5 file \(raw: "):
         found[1].captures(0, 0)
 
 

@@ -1,0 +1,106 @@
+"""Attributes of HDF5 objects, as any language writes them."""
+
+from collections.abc import Iterator, Mapping
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from erm.common.errors import DataError
+from erm.common.gate import limits
+from erm.common.gate.damage import refused
+from erm.common.printable import printable
+
+MAX_ATTRIBUTE = 2**24
+"""Largest attribute that is read [byte]; chosen: a description of a sounder with a fine antenna grid."""
+
+
+class Attributes(Mapping[str, Any]):
+    """Attributes of a node. A text is ``str``; what is no text or number, or is too large, is refused."""
+
+    def __init__(self, path: Path, node: Any) -> None:
+        self._path, self._node = path, node
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self:
+            raise KeyError(name)
+        with refused(self._path, f"attribute {name}: "):
+            attribute = self._node.attrs.get_id(name)
+            length = prod(attribute.shape) * attribute.get_type().get_size()
+            if length > MAX_ATTRIBUTE:
+                raise DataError(f"{self._path}: attribute {name} has {limits.size(length)}; expected less")
+            return _decoded(self._node.attrs[name])
+
+    def __contains__(self, name: object) -> bool:
+        with refused(self._path, "attributes: "):
+            return isinstance(name, str) and name in self._node.attrs
+
+    def __iter__(self) -> Iterator[str]:
+        with refused(self._path, "attributes: "):
+            names = list(self._node.attrs)
+        return iter(names)
+
+    def __len__(self) -> int:
+        with refused(self._path, "attributes: "):
+            return len(self._node.attrs)
+
+    def text(self, name: str, default: str | None = None) -> str:
+        """Value of one text, as any language writes it, without control characters.
+
+        Raises
+        ------
+        DataError
+            There is none and no default, or it is no text.
+        """
+        value = self._single(name, default)
+        if isinstance(value, bytes):
+            value = value.decode("utf-8", "replace")
+        if not isinstance(value, str):
+            raise DataError(f"{self._path}: attribute {name} is {_short(value)}; expected a text")
+        return value
+
+    def label(self, name: str, default: str) -> str:
+        """Text that is shown: control characters are escaped."""
+        return printable(self.text(name, default))
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """Value of one real number.
+
+        Raises
+        ------
+        DataError
+            There is none and no default, or it is no number.
+        """
+        value = self._single(name, default)
+        try:
+            if isinstance(value, (str, bytes)):
+                raise TypeError
+            return float(value)
+        except (TypeError, ValueError, OverflowError):
+            raise DataError(f"{self._path}: attribute {name} is {_short(value)}; expected a number") from None
+
+    def _single(self, name: str, default: Any) -> Any:
+        """Only element of an attribute; the default where it is absent or holds nothing."""
+        import numpy as np
+
+        value = self.get(name)
+        if isinstance(value, np.ndarray) and value.size == 1:
+            value = value.reshape(-1)[0]
+        if value is None:
+            if default is None:
+                raise DataError(f"{self._path}: has no attribute {name}")
+            return default
+        return value
+
+
+def _decoded(value: Any) -> Any:
+    """Attribute without the types of HDF5: nothing is None, a text is ``str``."""
+    import h5py
+
+    if isinstance(value, h5py.Empty):
+        return None
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return printable(text if len(text) <= 60 else f"{text[:60]}...")
