@@ -41,6 +41,12 @@ class Code(Enum):
         advice=True,
         fails=False,
     )
+    CHANNEL_CHANGES = Meaning(
+        "the channel changes between snapshots: phase-aligned averaging loses power of the strongest direction",
+        "try --averaging power",
+        advice=True,
+        fails=False,
+    )
     OVER_FREE_SPACE = Meaning(
         "an MPC has more gain than free space allows",
         "check the positions of TX and RX, the calibration and the antenna gains; do not trust the product",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from sounder.cir.deembedding import Deembedding, make_deembedding
+from sounder.cir.phase_alignment import align_snapshots, common_offsets
 from sounder.instrument.waveform import chips
 from sounder.kernels.compiler.machine import processors
 from sounder.kernels.correlation.clipping import count_rails
@@ -85,7 +86,8 @@ def impulse_responses(
         From :func:`calibrate`.
     averaging : {"coherent", "phase-aligned", "power"}
         Over the snapshots of a direction. ``coherent``: the complex mean. ``phase-aligned``: the complex mean after the
-        common phase of each snapshot is removed, for an oscillator that drifts. ``power``: the root of the mean power,
+        common phase of each snapshot is removed, for an oscillator that drifts; a direction too weak for that is turned
+        at the carrier offset of its neighbours in time. ``power``: the root of the mean power,
         with the phase of the complex mean, for a channel that changes between snapshots.
     threads : int, optional
         Number of directions processed at a time; default one per processor.
@@ -94,9 +96,11 @@ def impulse_responses(
     -------
     dataset : xarray.Dataset
         ``cir`` (azimuth, elevation, delay): complex amplitude gain including the receive antenna, NaN where nothing
-        was recorded. ``delay`` is the propagation delay [s], modulo the period of the sequence. Coherent averaging adds
-        ``coherence`` (azimuth, elevation): power of the mean over mean power, at the strongest delay; 1 for a stable
-        phase, one over the number of snapshots for a random phase.
+        was recorded. ``delay`` is the propagation delay [s], modulo the period of the sequence. ``coherence`` (azimuth,
+        elevation), unless powers are averaged: power of the mean over mean power, at the strongest delay; 1 for a
+        stable phase, one over the number of snapshots for a random phase. Phase-aligned averaging adds
+        ``carrier_offset``, the slope of the phase [degree per snapshot], NaN if the phase is not on a line, and
+        ``phase_drift``, its circular standard deviation about the line [degree].
     remarks : list of Remark
         Directions whose samples are all zero or not finite (left out) or clipped (used).
 
@@ -122,22 +126,31 @@ def impulse_responses(
     correlator = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip)
     shape = (recording.azimuth.size, recording.elevation.size)
     cir = np.full((*shape, waveform.samples), np.nan + 0j, np.complex64)
-    coherence = np.full(shape, np.nan)
+    coherence, offset, drift = np.full((3, *shape), np.nan)
     remarks: list[Remark] = []
 
     def average(place: NDArray[np.intp]) -> DirectionAverage:
         blocks = _Blocks(recording, int(place[1]), int(place[0]))
         return AVERAGING[averaging](blocks, correlator, deembedding)
 
+    def average_on_line(place: NDArray[np.intp], offset: float) -> DirectionAverage:
+        return _phase_aligned(_Blocks(recording, int(place[1]), int(place[0])), correlator, deembedding, offset)
+
     with ThreadPoolExecutor(threads or processors()) as pool:
         places = np.argwhere(recording.valid.T)
-        for (e, a), direction in zip(places, pool.map(average, places), strict=True):
+        directions = list(pool.map(average, places))
+        offsets = common_offsets(np.array([direction.offset for direction in directions]), recording.snapshots)
+        again = [k for k, direction in enumerate(directions) if not direction.aligned and offsets[k]]
+        for k, direction in zip(again, pool.map(average_on_line, places[again], offsets[again]), strict=True):
+            directions[k] = direction
+        for (e, a), direction in zip(places, directions, strict=True):
             if direction.problem:
                 azimuth, elevation = float(recording.azimuth[a]), float(recording.elevation[e])
                 remarks.append(replace(direction.problem, azimuth=azimuth, elevation=elevation))
             if direction.mean is not None and np.isfinite(direction.mean).all():
                 cir[a, e] = direction.mean * 10 ** (-recording.agc_gain[a, e] / 20)
                 coherence[a, e] = direction.coherence
+                offset[a, e], drift[a, e] = np.degrees([direction.offset, direction.drift])
     if averaging != "power":  # de-embedding is linear, so it may follow the mean
         for a in range(len(cir)):
             cir[a] = deembedding.apply(cir[a])
@@ -159,26 +172,36 @@ def impulse_responses(
         },
         attrs={"averaging": averaging, "snapshots": recording.snapshots},
     )
-    if averaging == "coherent":
+    if averaging != "power":
         dataset["coherence"] = (("azimuth", "elevation"), coherence, COHERENCE)
+    if averaging == "phase-aligned":
+        dataset["carrier_offset"] = (("azimuth", "elevation"), offset, CARRIER_OFFSET)
+        dataset["phase_drift"] = (("azimuth", "elevation"), drift, PHASE_DRIFT)
+        dataset.attrs["aligned_directions"] = int(np.isfinite(drift).sum())
     return dataset, remarks
 
 
 AZIMUTH = {"units": "degree", "long_name": "horn azimuth, counter-clockwise from east"}
 ELEVATION = {"units": "degree", "long_name": "horn elevation above the horizon"}
 DELAY = {"units": "s", "long_name": "propagation delay"}
-COHERENCE = {"units": "1", "long_name": "share of the power at the strongest delay that coherent averaging keeps"}
+COHERENCE = {"units": "1", "long_name": "share of the power at the strongest delay that averaging keeps"}
+CARRIER_OFFSET = {"units": "degree", "long_name": "phase per snapshot of a steady carrier offset"}
+PHASE_DRIFT = {"units": "degree", "long_name": "circular standard deviation of the phase about its line over snapshots"}
 
 
 class DirectionAverage(NamedTuple):
     """Average over the snapshots of one direction.
 
-    ``mean`` (sample,) is the mean correlation, or the CIR if powers are averaged; None if there is no signal.
+    ``mean`` (sample,) is the mean correlation, or the CIR if powers are averaged; None if there is no signal. The last
+    three are those of :class:`~sounder.cir.phase_alignment.AlignedMean`.
     """
 
     mean: NDArray[np.complexfloating] | None
     coherence: float
     problem: Remark | None
+    aligned: bool = True
+    offset: float = np.nan
+    drift: float = np.nan
 
 
 class _Blocks:
@@ -232,17 +255,13 @@ def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: De
     return DirectionAverage(mean, coherence, blocks.problem)
 
 
-def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: Deembedding) -> DirectionAverage:
-    """Mean of the snapshots after the phase of each against the mean so far is removed."""
-    first = next(iter(blocks))
-    reference = correlator.correlate(first[:1])[0].astype(complex)
-    for _ in range(2):  # the second pass aligns to the mean, not to one noisy snapshot
-        total = np.zeros_like(reference)
-        for captures in blocks:
-            each = correlator.correlate(captures).astype(complex)
-            total += np.exp(-1j * np.angle(each @ np.conj(reference))) @ each
-        reference = total / blocks.snapshots
-    return DirectionAverage(reference if blocks.signal else None, np.nan, blocks.problem)
+def _phase_aligned(
+    blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: Deembedding, offset: float = 0.0
+) -> DirectionAverage:
+    found = align_snapshots(blocks, correlator, offset=offset)
+    if found is None or not blocks.signal:
+        return DirectionAverage(None, np.nan, blocks.problem)
+    return DirectionAverage(found.mean, found.coherence, blocks.problem, found.aligned, found.offset, found.drift)
 
 
 def _power(blocks: _Blocks, correlator: MSequenceCorrelator, deembedding: Deembedding) -> DirectionAverage:

@@ -12,6 +12,9 @@ NOISE_QUANTILE = 0.25
 """Quantile of the power over delay from which the noise floor is taken; up to three quarters of the delays may hold
 paths. Chosen, not derived."""
 
+OF_DIRECTIONS = ("coherence", "carrier_offset", "phase_drift")
+"""Variables of a CIR that are kept with its power."""
+
 
 def noise_power(power: NDArray[np.floating]) -> NDArray[np.floating]:
     """Mean noise power of every direction, estimated from its weakest delays.
@@ -59,7 +62,8 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
         ``daps`` (azimuth, elevation, delay): path gain including the receive antenna [dB]. ``noise_floor`` (azimuth,
         elevation): mean noise power [dB]. ``pdp`` (delay): omnidirectional, antenna removed [dB]. ``pas`` (azimuth,
         elevation): power angular spectrum, the sum over the delays that are 6 dB or more above the noise floor [dB].
-        ``coherence`` (azimuth, elevation), if ``cir`` has it. NaN where nothing was recorded.
+        ``coherence``, ``carrier_offset`` and ``phase_drift`` (azimuth, elevation), if ``cir`` has them. NaN where
+        nothing was recorded.
 
     References
     ----------
@@ -104,9 +108,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
         coords=cir.coords,
         attrs={**cir.attrs, "omnidirectional": omnidirectional, "rx_antenna_gain": pattern.gain},
     )
-    if "coherence" in cir:
-        result["coherence"] = cir["coherence"]
-    return result
+    return result.assign({name: cir[name] for name in OF_DIRECTIONS if name in cir})
 
 
 def _overlap(

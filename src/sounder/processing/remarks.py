@@ -10,8 +10,12 @@ from sounder.recordings.recording import Recording
 from sounder.remark import Code, Remark, named
 
 MIN_COHERENCE = 0.5
-"""Share of the power of the strongest direction that coherent averaging must keep. Half: a loss of 3 dB. Chosen; not
-derived."""
+"""Share of the power of the strongest direction that averaging must keep. Half: a loss of 3 dB. Chosen; not derived."""
+LOST_COHERENCE = {
+    "coherent": (Code.PHASE_DRIFT, "the phase drifts between snapshots"),
+    "phase-aligned": (Code.CHANNEL_CHANGES, "the channel changes between snapshots"),
+}
+"""Kind of remark and cause by averaging, where it keeps less."""
 FREE_SPACE_MARGIN = 3.0
 """Gain over free space that an MPC may have, besides two of its standard deviations [dB]. Chosen; not derived."""
 
@@ -37,11 +41,10 @@ def remarks_on_position(recording: Recording, groups: Mapping[str, xr.Dataset]) 
         remarks.append(Remark(Code.TABLE_FULL))
     kept = _coherence(groups["/daps"])
     if kept < MIN_COHERENCE:
-        detail = (
-            f"coherent averaging keeps {100 * kept:.0f} % of the power of the strongest direction; the phase drifts "
-            "between snapshots"
-        )
-        remarks.append(Remark(Code.PHASE_DRIFT, figure=kept, bound=MIN_COHERENCE, detail=detail))
+        averaging = groups["/daps"].attrs["averaging"]
+        code, why = LOST_COHERENCE[averaging]
+        detail = f"{averaging} averaging keeps {100 * kept:.0f} % of the power of the strongest direction; {why}"
+        remarks.append(Remark(code, figure=kept, bound=MIN_COHERENCE, detail=detail))
     return remarks
 
 

@@ -19,6 +19,9 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 # only what every compilation must round alike gives the same bits in all.
 SETTINGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
+ANY_ORDER = {**SETTINGS, "fastmath": {"contract", "nsz", "reassoc"}}
+"""Sums of many numbers in whatever order and partial sums the processor is fastest with."""
+
 _first_calls = threading.RLock()
 _announced = threading.Event()
 
@@ -33,16 +36,21 @@ def jit(function: Callable[..., Any]) -> "EntryPoint":
 
 def part(function: Kernel) -> Kernel:
     """Let entry points call a function, and compile it within them; Python calls it as it is written."""
-    return _compiled_within(function, literals=False)
+    return _compiled_within(function, SETTINGS, literals=False)
+
+
+def part_in_any_order(function: Kernel) -> Kernel:
+    """Like `part`, but sums may be taken in any order: the last bits depend on the processor."""
+    return _compiled_within(function, ANY_ORDER, literals=False)
 
 
 def part_with_literals(function: Kernel) -> Kernel:
     """Like `part`, but compiled anew for every number that is written in the source and passed as an argument."""
-    return _compiled_within(function, literals=True)
+    return _compiled_within(function, SETTINGS, literals=True)
 
 
-def _compiled_within(function: Kernel, *, literals: bool) -> Kernel:
-    @overload(function, jit_options=SETTINGS, strict=False, prefer_literal=literals)
+def _compiled_within(function: Kernel, settings: dict[str, Any], *, literals: bool) -> Kernel:
+    @overload(function, jit_options=settings, strict=False, prefer_literal=literals)
     def itself(*_arguments: Any) -> Kernel:
         return function
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from sounder.kernels.correlation import avx512, avx512_instructions, portable
 from sounder.kernels.correlation.captures import Averages, Captures, flat_captures
 from sounder.kernels.correlation.permutations import permutations
-from sounder.kernels.correlation.reference import walsh_hadamard
+from sounder.kernels.correlation.reference import chip_template, walsh_hadamard
 from sounder.kernels.correlation.tables import State
 
 ORDERS = range(7, 16)
@@ -37,6 +37,11 @@ class MSequenceCorrelator:
         m-sequence of order 7 to 15 as 0 and 1, any shift, direction and polarity.
     samples_per_chip : int
         1 to 4.
+
+    Attributes
+    ----------
+    samples, chips : int
+        Of a capture.
 
     Raises
     ------
@@ -68,6 +73,7 @@ class MSequenceCorrelator:
             )
         self._chips = np.asarray(chips, np.int8)
         self.samples = found.input.size * samples_per_chip
+        self.samples_per_chip, self.chips = samples_per_chip, found.input.size
         layout = avx512 if avx512_instructions.available() and found.order in avx512.ORDERS else portable
         self._tables = layout.tables(found, samples_per_chip)
         self._kernels = layout.kernels(found.order, samples_per_chip)
@@ -77,6 +83,11 @@ class MSequenceCorrelator:
     def __reduce__(self) -> tuple[type, tuple[npt.NDArray[np.int8], int]]:
         """Travel to other processes as the sequence; machine code stays here."""
         return MSequenceCorrelator, (self._chips, self._tables.samples_per_chip)
+
+    @property
+    def template(self) -> npt.NDArray[np.float64]:
+        """The held sequence (sample,): +1 and -1."""
+        return chip_template(self._chips, self.samples_per_chip)
 
     def average(self, iq: Captures) -> Averages:
         """Average one direction: mean correlation, complex64 (sample,), and mean power, float64 (sample,)."""

@@ -33,6 +33,22 @@ def average(iq: npt.NDArray[np.number], template: npt.ArrayLike) -> tuple[Comple
     return correlation.mean(0), (np.abs(correlation) ** 2).mean(0)
 
 
+def align(iq: npt.NDArray[np.number], template: npt.ArrayLike, passes: int = 50) -> Complex:
+    """Factors of magnitude 1 (snapshot,) that make ``|sum_k w_k c_k|**2`` of correlations ``c_k`` largest.
+
+    Each capture is turned to the sum of those before it, and then, again and again, to the sum of all.
+    """
+    correlation = correlate(iq, template)
+    weights = np.ones(len(correlation), complex)
+    total = correlation[0].copy()
+    for k in range(1, len(correlation)):
+        weights[k] = np.exp(-1j * np.angle(np.vdot(total, correlation[k])))
+        total += weights[k] * correlation[k]
+    for _ in range(passes):
+        weights = np.exp(-1j * np.angle(correlation @ np.conj(weights @ correlation)))
+    return weights
+
+
 def walsh_hadamard(z: Complex) -> Complex:
     """Transform over the rows (2**m, column), natural order: ``out[i] = sum_j (-1)^popcount(i & j) z[j]``."""
     rows, columns = z.shape
