@@ -53,6 +53,8 @@ class ForeignFile:
     def text(self, reference: Reference, label: str) -> str:
         """Text that the layout refers to."""
         name, found = self._resolve(reference)
+        if found.dtype == np.uint16 and self._matlab_class(reference) == "char":
+            found = np.array("".join(map(chr, found.ravel())))
         if found.size != 1 or found.dtype.kind not in "OSU":
             raise DataError(f"{self.path}: {label}: {name} is {found.dtype} {found.shape}; expected one text")
         text = found.item()
@@ -61,7 +63,10 @@ class ForeignFile:
     def _resolve(self, value: Reference) -> tuple[str, NDArray[Any]]:
         """Name of a reference, for errors, and its value."""
         if value.dataset is not None:
-            return value.dataset, np.asarray(self.node(value.dataset)[()])
+            node = self.node(value.dataset)
+            if "MATLAB_empty" in getattr(node, "attrs", {}):  # the file holds the shape in place of the values
+                raise DataError(f"{self.path}: {value.dataset} is empty; expected values")
+            return value.dataset, np.asarray(node[()])
         attributes = getattr(self.root if value.of is None else self.node(value.of), "attrs", {})
         if value.attribute not in attributes:
             raise DataError(f"{self.path}: no attribute {value.attribute}, which the layout names")
@@ -112,9 +117,12 @@ class ForeignFile:
 
     def _transposed(self, value: Any) -> bool:
         """Whether a dataset was saved by MATLAB 7.3, whose arrays HDF5 shows transposed."""
-        if not isinstance(value, Reference) or value.dataset is None:
-            return False
-        return "MATLAB_class" in getattr(self.node(value.dataset), "attrs", {})
+        return isinstance(value, Reference) and self._matlab_class(value) is not None
+
+    def _matlab_class(self, value: Reference) -> Any:
+        """Class that MATLAB 7.3 stored with a dataset; None for other values."""
+        node = None if value.dataset is None else self.node(value.dataset)
+        return node.attrs.text("MATLAB_class", "") or None if isinstance(node, Dataset) else None
 
 
 @contextmanager

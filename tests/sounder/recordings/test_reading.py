@@ -117,3 +117,13 @@ def test_provenance_is_stored_in_the_file(path, recording):
 def test_any_slice_of_snapshots_is_what_numpy_would_take(path, wanted):
     (back,) = open_recordings(path)
     assert np.array_equal(back.captures(1, 1, wanted), np.asarray(back.captures(1, 1))[wanted])
+
+
+def test_attributes_of_other_languages_are_the_same_recording(path, recording):
+    with h5py.File(path, "r+") as file:
+        for node in (file, file["iq"]):
+            for name, value in list(node.attrs.items()):
+                node.attrs[name] = np.bytes_(value.encode()) if isinstance(value, str) else np.array([value])
+    (back,) = open_recordings(path)
+    assert (back.name, back.los, back.scale_factor) == (recording.name, recording.los, recording.scale_factor)
+    assert back.sounder == recording.sounder

@@ -78,3 +78,26 @@ def test_a_damaged_matlab_file_is_reported(tmp_path, sounder):
     (tmp_path / "layout.toml").write_text(PLAIN, encoding="utf-8")
     with pytest.raises(DataError, match="not a MATLAB file, or a damaged one"):
         foreign.recordings(path, load_layout(tmp_path / "layout.toml"), sounder)
+
+
+@pytest.mark.parametrize("name", ["rec.mat", "REC.MAT"])
+@pytest.mark.parametrize("version", [5, 7.3])
+def test_text_of_matlab_is_text(opened, tmp_path, version, name):
+    layout = PLAIN + '[sounder]\nname = { dataset = "label" }\n'
+    path = tmp_path / name
+    if version == 5:
+        savemat(path, {"raw": IQ, "label": "Hall sounder"})
+    else:
+        with h5py.File(path, "w") as file:
+            file["raw"] = IQ
+            file["label"] = np.array([[ord(letter)] for letter in "Hall sounder"], np.uint16)
+            file["label"].attrs["MATLAB_class"] = np.bytes_(b"char")
+    found, _ = opened(path, layout)
+    assert {recording.sounder.name for recording in found} == {"Hall sounder"}
+
+
+def test_an_empty_array_of_matlab_is_not_its_shape(opened):
+    layout = PLAIN.replace("rx = [[31, -46, 1.4], [32, -50, 1.5]]", 'rx = { dataset = "rx" }')
+    content = {"raw": IQ, "rx": np.array([2, 3], np.uint64)}
+    with pytest.raises(DataError, match="rx is empty; expected values"):
+        opened(content, layout, {"rx@MATLAB_class": "double", "rx@MATLAB_empty": 1})
