@@ -1,5 +1,6 @@
 """The command ``erm reconstruct``: MPCs to a map."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,6 +63,7 @@ def reconstruct(
     from erm.mpcs.reflection_points import write_reflection_points
     from erm.reconstruction.extend import add_mpcs, read_map_mpcs, with_images
     from erm.reconstruction.make_map import make_map
+    from erm.survey.report import warnings
 
     require_format(out)
     table, problems = read_mpcs(mpcs)
@@ -87,6 +89,9 @@ def reconstruct(
         _draw(environment, located, figure)
     _print_reflectors(environment)
     _print_summary(environment, located, out, min_support)
+    print(environment.reflectors.attrs["calibration"])
+    for warning in warnings(environment):
+        print(warning, file=sys.stderr)
     console.report_failures(problems)
 
 

@@ -11,6 +11,8 @@ from erm.mpcs.selection import select
 from erm.reconstruction.model.paths import IntArray
 from erm.reconstruction.reconstruct import reconstruct
 from erm.survey.calibration import apply, calibrate
+from erm.survey.conventions import contradictions
+from erm.survey.report import attributes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,7 +53,8 @@ def make_map(
     Returns
     -------
     environment : Environment
-        The map; its attributes tell inputs and options.
+        The map; its attributes tell inputs and options, the calibration, and what contradicts
+        (`erm.survey.report.attributes`).
     located : xarray.Dataset
         The table of `erm.reconstruct`.
 
@@ -66,8 +69,10 @@ def make_map(
     >>> environment.reflectors.sizes["reflector"], environment.reflectors.attrs["history"]
     (1, 'example')
     """
+    causes = contradictions(table)
+    calibration = calibrate(table)
     if not as_given:
-        table = apply(table, calibrate(table))
+        table = apply(table, calibration)
     selected = select(
         table,
         threshold=threshold,
@@ -85,5 +90,5 @@ def make_map(
         "as_given": as_given,
     }
     origin = provenance("Reconstructed environment", history, inputs=inputs, options=options)
-    environment.reflectors.attrs.update(origin)
+    environment.reflectors.attrs.update(origin | attributes(calibration, causes, as_given=as_given))
     return environment, located

@@ -9,16 +9,18 @@ was received" is::
 
 with the share ``s`` of pairs with a direct path, the probability ``w_i`` that a direct path is this MPC of its pair
 (most are the first or the strongest one), the agreement ``E_i`` of its elevation with the heights of the antennas, and
-the density ``n`` of votes of other paths, uniform over all azimuths and over the lengths of the table. Errors of each
+the density ``n`` of votes of other paths, uniform over the azimuths and the lengths that the table has. Errors of each
 position (of its place, heading and clock) widen ``sigma_b`` and ``sigma_h`` beyond the stated errors; they are
-estimated together with ``(b, h)`` by expectation-maximisation from several starts. The gain is not used except for its
-order within a pair: direct paths may be obstructed.
+estimated together with ``(b, h)`` by expectation-maximisation from several starts. No path is shorter than the direct
+one: each MPC adds ``log(e + (1 - e) Phi((b_i - b) / sigma_b))`` to the evidence, with a small share ``e`` of false
+MPCs. The gain is not used except for its order within a pair: direct paths may be obstructed.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import ndtr
 
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.survey.observations import IntArray, Observations
@@ -37,6 +39,8 @@ SPREADS = ((0.0, 0.0), (0.1, 1.0), (0.3, 3.0), (1.0, 5.0))
 USUAL_CLOCK, USUAL_HEADING = 1.0, 5.0
 """Half of the common errors of surveys are below these: 3 ns [m], [degree]. Scales of Cauchy priors; chosen. Errors of
 a hundred times as much are found if five paths agree."""
+FALSE_MPCS = 0.02
+"""Share of MPCs that may be shorter than the direct path: false ones; chosen."""
 START_SHARE = 0.6
 """Share of pairs with a direct path with which the search starts; chosen."""
 MAX_LINKS = 200
@@ -102,6 +106,27 @@ def find_direct_paths(seen: Observations, most: int = 8) -> list[DirectPaths]:
     return distinct[:most]
 
 
+def one_sided_evidence(seen: Observations) -> float:
+    """Log-likelihood ratio to a table without direct paths, from the lengths alone or from the azimuths alone.
+
+    The larger one counts. It is weaker than that of both, but not lost where one of them is wrong.
+    """
+    votes = _Votes(seen)
+    best = 0.0
+    for values, std, extent, scale, spreads in (
+        (votes.clock, seen.length_std, votes.range, USUAL_CLOCK, {one[0] for one in SPREADS}),
+        (votes.heading, seen.azimuth_std, votes.arc, USUAL_HEADING, {one[1] for one in SPREADS}),
+    ):
+        for spread in spreads:
+            total = np.hypot(std, spread)
+            for i in votes.candidates:
+                away = values - values[i] if values is votes.clock else angle_difference(values, values[i])
+                ratio = np.bincount(seen.link, votes.weight * extent * _normal(away, total), minlength=len(seen.tx))
+                evidence = np.log(1 - START_SHARE + START_SHARE * ratio).sum() - np.log1p((values[i] / scale) ** 2)
+                best = max(best, float(evidence))
+    return best
+
+
 def _same(clock: FloatArray | float, heading: FloatArray | float, found: DirectPaths, sigmas: float) -> BoolArray:
     near = np.abs(np.asarray(clock) - found.clock) < max(sigmas * found.clock_spread, 0.1)
     return near & (np.abs(angle_difference(heading, found.heading)) < max(sigmas * found.heading_spread, 1.0))
@@ -120,20 +145,20 @@ class _Votes:
         weight = FIRST_AND_STRONGEST * (first.astype(float) + strongest)
         weight += (1 - 2 * FIRST_AND_STRONGEST) / np.bincount(seen.link)[seen.link]
         self.range = float(np.ptp(self.clock)) + 10 * USUAL_CLOCK
-        difference = (seen.tx - seen.rx)[seen.link]
-        elevation = np.rad2deg(np.arctan2(difference[:, 2], np.hypot(difference[:, 0], difference[:, 1])))
-        deviation = (seen.elevation - elevation) / np.hypot(seen.elevation_std, ELEVATION_STD)
+        self.arc = _arc(seen.azimuth) + 2 * USUAL_HEADING
+        deviation = (seen.elevation - seen.direct_elevation[seen.link]) / np.hypot(seen.elevation_std, ELEVATION_STD)
         agreement = np.where(np.isnan(deviation), 1.0, np.exp(-(deviation**2) / 2))
         weight *= np.maximum(agreement, LEAST_ELEVATION_AGREEMENT)
-        self.weight = weight * self.range * 360 / (2 * np.pi)
+        self.weight = weight
         few = np.unique(np.linspace(0, links - 1, min(links, MAX_LINKS)).astype(int))
         promising = np.isin(seen.link, few) & (first | strongest | (_rank(seen.length, seen.link) < 3))
         self.candidates: IntArray = np.flatnonzero(promising)
 
     def ratios(self, clock: float, heading: float, clock_std: FloatArray, heading_std: FloatArray) -> FloatArray:
         """Likelihood ratio (mpc,) to another path, if the pair has a direct path."""
-        chi = ((self.clock - clock) / clock_std) ** 2 + (angle_difference(self.heading, heading) / heading_std) ** 2
-        return self.weight * np.exp(-chi / 2) / (clock_std * heading_std)
+        length = _normal(self.clock - clock, clock_std) * self.range
+        azimuth = _normal(angle_difference(self.heading, heading), heading_std) * self.arc
+        return self.weight * length * azimuth
 
     def stds(self, clock_spread: float, heading_spread: float) -> tuple[FloatArray, FloatArray]:
         """Standard deviations (mpc,) of the votes of direct paths."""
@@ -141,10 +166,12 @@ class _Votes:
 
     def evidence(self, clock: float, heading: float, clock_spread: float, heading_spread: float, share: float) -> float:
         """Log-likelihood ratio to a table without direct paths, with the priors."""
-        ratio = self.ratios(clock, heading, *self.stds(clock_spread, heading_spread))
+        clock_std, heading_std = self.stds(clock_spread, heading_spread)
+        ratio = self.ratios(clock, heading, clock_std, heading_std)
+        possible = np.log(FALSE_MPCS + (1 - FALSE_MPCS) * ndtr((self.clock - clock) / clock_std)).sum()
         pair = 1 - share + share * np.bincount(self.seen.link, ratio, minlength=len(self.seen.tx))
         prior = np.log1p((clock / USUAL_CLOCK) ** 2) + np.log1p((angle_difference(heading, 0) / USUAL_HEADING) ** 2)
-        return float(np.log(pair).sum() - prior)
+        return float(np.log(pair).sum() + possible - prior)
 
     def maximise(self, clock: float, heading: float, clock_spread: float, heading_spread: float) -> DirectPaths:
         """Climb to the maximum of the likelihood by expectation-maximisation."""
@@ -167,6 +194,17 @@ class _Votes:
         evidence = self.evidence(clock, heading, clock_spread, heading_spread, share)
         heading = float(angle_difference(heading, 0))
         return DirectPaths(float(clock), heading, clock_spread, heading_spread, weight, evidence)
+
+
+def _normal(residual: FloatArray, std: FloatArray) -> FloatArray:
+    """Probability density of a normal distribution."""
+    return np.asarray(np.exp(-((residual / std) ** 2) / 2) / (std * np.sqrt(2 * np.pi)))
+
+
+def _arc(azimuth: FloatArray) -> float:
+    """Smallest arc that holds all azimuths [degree]."""
+    ranked = np.sort(azimuth % 360)
+    return float(360 - np.max(np.diff(np.r_[ranked, ranked[0] + 360])))
 
 
 def _spread(residual: FloatArray, std: FloatArray, weight: FloatArray) -> float:

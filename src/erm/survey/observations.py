@@ -1,6 +1,6 @@
 """The columns of an MPC table that tell about errors of a survey, as arrays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,3 +84,19 @@ class Observations:
     def excess_azimuth(self) -> FloatArray:
         """Azimuth (mpc,) from the direction of the transmitter [degree]: the heading's error of a direct path."""
         return angle_difference(self.azimuth, azimuth_of(self.tx - self.rx)[self.link])
+
+    @property
+    def direct_elevation(self) -> FloatArray:
+        """Elevation (link,) of the transmitter [degree]."""
+        difference = self.tx - self.rx
+        return np.rad2deg(np.arctan2(difference[:, 2], np.hypot(difference[:, 0], difference[:, 1])))
+
+    def of_links(self, chosen: IntArray) -> "Observations":
+        """The MPCs of some antenna pairs."""
+        number = np.full(len(self.tx), -1)
+        number[chosen] = np.arange(len(chosen))
+        rows = number[self.link] >= 0
+        columns = {
+            one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name not in ("link", "tx", "rx")
+        }
+        return Observations(link=number[self.link[rows]], tx=self.tx[chosen], rx=self.rx[chosen], **columns)

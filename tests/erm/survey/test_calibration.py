@@ -2,25 +2,10 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
-import erm
 from erm.survey.calibration import apply, calibrate
 
-
-def street(count: int = 12, seed: int = 1) -> xr.Dataset:
-    """Paths of receivers in a street with two walls, to 0.1 ns and 0.5 degrees."""
-    rng = np.random.default_rng(seed)
-    walls = erm.Environment.walls([[[-60, 10], [60, 10]], [[-60, -12], [60, -12]]], top=40.0)
-    receivers = np.column_stack([rng.uniform(8, 50, count), rng.uniform(-9, 8, count), np.full(count, 1.5)])
-    table = xr.concat([erm.predict(walls, (0, 0, 9), rx, 132e9) for rx in receivers], dim="mpc")
-    n = table.sizes["mpc"]
-    return table.assign(
-        delay=table["delay"] + 1e-10 * rng.standard_normal(n),
-        azimuth=table["azimuth"] + 0.5 * rng.standard_normal(n),
-        delay_std=("mpc", np.full(n, 1e-10)),
-        azimuth_std=("mpc", np.full(n, 0.5)),
-    )
+from .streets import street
 
 
 @pytest.mark.parametrize(("heading", "clock", "gain"), [(5.0, 3e-9, 55.0), (-40.0, -2e-8, -30.0), (170.0, 4e-7, 0.0)])

@@ -1,0 +1,272 @@
+"""Conventions of a table that is not written as expected: radians, compass bearings, losses, gigahertz, feet.
+
+Direct paths are known from the places of the antennas: their length, azimuth, elevation and gain. Each convention is a
+change of the table. Changes under which direct paths agree far better than as given are named, never applied. Common
+errors of heading, clock and gain are free for the table as given and for the changed one alike, with the same priors,
+so that a heading that is off by 20 degrees is no convention.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from erm.common.constants import c
+from erm.geometry.vertical import FloatArray
+from erm.mpcs.standard_errors import ASSUMED, SMALLEST_ERRORS
+from erm.mpcs.table import free_space_gain
+from erm.survey.direct_paths import (
+    ELEVATION_STD,
+    USUAL_CLOCK,
+    USUAL_HEADING,
+    DirectPaths,
+    find_direct_paths,
+    one_sided_evidence,
+)
+from erm.survey.observations import Observations
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MARGIN = 5.0
+"""Log-likelihood ratio beyond which a convention is named: 150 to 1, ten times the number of conventions."""
+TIED = 3.0
+"""Log-likelihood within which conventions are named together: 20 to 1."""
+FEWEST = 5
+"""Fewest direct paths behind a convention; chosen."""
+LEAST_EVIDENCE = 5.0
+"""Least log-likelihood ratio of each direct path to another path: mirror images agree by chance, but not so well."""
+MOST_CHANGES = 4
+"""Most conventions that are wrong at a time."""
+MAX_LINKS = 25
+"""Antenna pairs that are looked at; chosen for time."""
+USUAL_GAIN = 3.0
+"""Half of all tables have gains that are wrong by less [dB]: scale of a Cauchy prior; chosen."""
+CLEAR_STD = 1.5
+"""Deviation of gains of direct paths from free space [dB]: antenna patterns and the ground; chosen."""
+CLEAR_SHARE = 0.7
+"""Share of direct paths that are not obstructed; the others lose up to `OBSTRUCTION`; chosen."""
+OBSTRUCTION = 25.0
+"""Largest loss of an obstructed direct path [dB]."""
+
+
+LOWEST_FREQUENCY, UNUSUAL = 1e6, -7.0
+"""Frequency [Hz] below which hardly any channel is sounded, and the log of the share of tables that do: 1 in 1000."""
+MANY = 8.0
+"""Common errors up to this many usual ones are no reason to look for another convention: 40 degrees, 27 ns."""
+
+
+class _Convention(NamedTuple):
+    text: str
+    change: Callable[[Observations], Observations]
+    geometric: bool = True
+    """Whether it changes what direct paths are recognised by: length, azimuth, places."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Conventions that would make direct paths agree with a table."""
+
+    conventions: tuple[str, ...]
+    """What the table may hold; each of them agrees about as well."""
+    evidence: float
+    """Log-likelihood ratio to the table as given, or with the causes before."""
+    direct_paths: int
+    """Number of antenna pairs with a direct path when all causes are taken together."""
+    links: int
+    """Number of antenna pairs that were looked at."""
+
+    @property
+    def text(self) -> str:
+        """One line for people."""
+        return (
+            f"{', or '.join(self.conventions)}: the direct paths of {self.direct_paths} of {self.links} antenna pairs "
+            f"then agree with the places of the antennas far better than as given (log-likelihood ratio "
+            f"{self.evidence:.0f})"
+        )
+
+
+def _scaled_places(seen: Observations, factor: float) -> Observations:
+    return replace(seen, tx=seen.tx * factor, rx=seen.rx * factor)
+
+
+def _scaled_delays(seen: Observations, factor: float) -> Observations:
+    # an error that would be shorter than anything measured was assumed, not given in this unit
+    std = np.where(seen.length_std * factor < SMALLEST_ERRORS[0] * c, seen.length_std, seen.length_std * factor)
+    return replace(seen, length=seen.length * factor, length_std=std)
+
+
+def _degrees_of_std(std: FloatArray) -> FloatArray:
+    """Standard errors of angles in radians, in degrees; assumed ones are in degrees."""
+    return np.minimum(np.rad2deg(std), np.maximum(std, ASSUMED.azimuth))
+
+
+CONVENTIONS = (
+    _Convention(
+        "azimuth in radians instead of degrees",
+        lambda t: replace(t, azimuth=np.rad2deg(t.azimuth), azimuth_std=_degrees_of_std(t.azimuth_std)),
+    ),
+    _Convention("azimuth a compass bearing (clockwise from north)", lambda t: replace(t, azimuth=90 - t.azimuth)),
+    _Convention("azimuth mirrored (clockwise from east)", lambda t: replace(t, azimuth=-t.azimuth)),
+    _Convention("delay in nanoseconds instead of seconds", lambda t: _scaled_delays(t, 1e-9)),
+    _Convention("delay in microseconds instead of seconds", lambda t: _scaled_delays(t, 1e-6)),
+    _Convention("positions in feet instead of metres", lambda t: _scaled_places(t, 0.3048)),
+    _Convention("TX and RX exchanged", lambda t: replace(t, tx=t.rx, rx=t.tx)),
+    _Convention("east and north exchanged", lambda t: replace(t, tx=t.tx[:, [1, 0, 2]], rx=t.rx[:, [1, 0, 2]])),
+    _Convention(
+        "elevation in radians instead of degrees",
+        lambda t: replace(t, elevation=np.rad2deg(t.elevation), elevation_std=_degrees_of_std(t.elevation_std)),
+        geometric=False,
+    ),
+    _Convention("elevation a zenith angle", lambda t: replace(t, elevation=90 - t.elevation), geometric=False),
+    _Convention("path_gain a loss (positive)", lambda t: replace(t, gain=-t.gain), geometric=False),
+    _Convention("frequency in GHz instead of Hz", lambda t: replace(t, frequency=t.frequency * 1e9), geometric=False),
+    _Convention("frequency in MHz instead of Hz", lambda t: replace(t, frequency=t.frequency * 1e6), geometric=False),
+)
+
+
+def contradictions(table: "xr.Dataset") -> list[Cause]:
+    """Find conventions that would make direct paths agree far better with a table than as given.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table (`erm.make_table`).
+
+    Returns
+    -------
+    list of Cause
+        In the order of their evidence; each one is found with those before it. Empty where the table agrees as it is,
+        and where no direct path was received.
+
+    Examples
+    --------
+    >>> import erm, xarray as xr
+    >>> from erm.survey.conventions import contradictions
+    >>> street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+    >>> links = [erm.predict(street, (0, 0, 9), (x, x / 3 - 9, 2), 132e9) for x in range(10, 40, 4)]
+    >>> table = xr.concat(links, dim="mpc")
+    >>> contradictions(table)
+    []
+    >>> contradictions(table.assign(azimuth=90 - table["azimuth"]))[0].conventions
+    ('azimuth a compass bearing (clockwise from north)', 'east and north exchanged')
+    """
+    seen = _fewer_links(Observations.of(table))
+    causes: list[Cause] = []
+    current, untried = _agreement(seen), list(CONVENTIONS)
+    while len(causes) < MOST_CHANGES and untried:
+        tried = []
+        for convention in untried:
+            if convention.geometric and current.usual:
+                continue
+            changed = convention.change(seen)
+            # what does not change how direct paths are recognised need not be searched again
+            agreement = _agreement(changed, None if convention.geometric else current.direct)
+            tried.append((agreement, changed, convention))
+        best = max(agreement.evidence for agreement, _, _ in tried)
+        if best < current.evidence + MARGIN:
+            break
+        tied = [one for one in tried if one[0].evidence > best - TIED]
+        gained = best - current.evidence
+        seen = tied[0][1]
+        current = _agreement(seen)
+        untried = [one for one in untried if one not in [convention for _, _, convention in tied]]
+        names = tuple(convention.text for _, _, convention in tied)
+        causes.append(Cause(names, gained, round(current.number), len(seen.tx)))
+    if not current.believable:
+        return []
+    return [replace(cause, direct_paths=round(current.number)) for cause in causes]
+
+
+class _Agreement(NamedTuple):
+    """How well direct paths agree with a table."""
+
+    evidence: float
+    direct: DirectPaths | None
+
+    @property
+    def number(self) -> float:
+        return self.direct.number if self.direct is not None else 0.0
+
+    @property
+    def believable(self) -> bool:
+        return self.number >= FEWEST and self.evidence > LEAST_EVIDENCE * self.number
+
+    @property
+    def usual(self) -> bool:
+        """Whether direct paths agree within the errors that surveys have."""
+        direct = self.direct
+        return (
+            self.believable
+            and direct is not None
+            and abs(direct.heading) < MANY * USUAL_HEADING
+            and abs(direct.clock) < MANY * USUAL_CLOCK
+            and direct.heading_spread < USUAL_HEADING
+            and direct.clock_spread < USUAL_CLOCK
+        )
+
+
+def _agreement(seen: Observations, direct: DirectPaths | None = None) -> _Agreement:
+    """Evidence of direct paths by length, azimuth, elevation and gain."""
+    if direct is None:
+        found = find_direct_paths(seen, most=1)
+        direct = found[0] if found else None
+        if direct is None:
+            return _Agreement(0.0, None)
+        if direct.number < FEWEST or direct.evidence < LEAST_EVIDENCE * direct.number:
+            alone = one_sided_evidence(seen)
+            if direct.evidence < alone:
+                return _Agreement(alone + _frequency_prior(seen), None)
+    likely = direct.weight > 0.5
+    return _Agreement(
+        direct.evidence
+        + _elevation_evidence(seen, direct, likely)
+        + _gain_evidence(seen, direct, likely)
+        + _frequency_prior(seen),
+        direct,
+    )
+
+
+def _frequency_prior(seen: Observations) -> float:
+    """Log of the prior probability of the frequency: channels are hardly ever sounded below 1 MHz."""
+    return UNUSUAL if np.median(seen.frequency) < LOWEST_FREQUENCY else 0.0
+
+
+def _elevation_evidence(seen: Observations, direct: DirectPaths, likely: npt.NDArray[np.bool_]) -> float:
+    """Log-likelihood ratio of the elevations of direct paths to elevations that are uniform over those of the table."""
+    known = likely & np.isfinite(seen.elevation)
+    if not known.any():
+        return 0.0
+    extent = np.nanmax(seen.elevation) - np.nanmin(seen.elevation) + 10 * ELEVATION_STD
+    std = np.hypot(seen.elevation_std, ELEVATION_STD)[known]
+    deviation = seen.elevation[known] - seen.direct_elevation[seen.link[known]]
+    density = np.exp(-((deviation / std) ** 2) / 2) / (std * np.sqrt(2 * np.pi))
+    return float(np.log(0.1 + 0.9 * density * extent).sum())
+
+
+def _gain_evidence(seen: Observations, direct: DirectPaths, likely: npt.NDArray[np.bool_]) -> float:
+    """Log-likelihood ratio of the gains of direct paths to gains that are uniform over those of the table.
+
+    Direct paths have the gain of free space, plus an offset that all share, less what obstructs them.
+    """
+    known = likely & np.isfinite(seen.gain) & (seen.length > direct.clock)
+    if np.count_nonzero(known) < 2:
+        return 0.0
+    extent = np.nanmax(seen.gain) - np.nanmin(seen.gain) + 10 * CLEAR_STD
+    excess = seen.gain[known] - free_space_gain(seen.length[known] - direct.clock, seen.frequency[known])
+    away = excess[:, None] - excess  # every path is tried as the one that is clear
+    clear = np.exp(-((away / CLEAR_STD) ** 2) / 2) / (CLEAR_STD * np.sqrt(2 * np.pi))
+    obstructed = ((away < 0) & (away > -OBSTRUCTION)) / OBSTRUCTION
+    ratio = 0.05 + extent * (CLEAR_SHARE * clear + (1 - CLEAR_SHARE) * obstructed)
+    evidence = np.log(ratio).sum(axis=0) - np.log1p((excess / USUAL_GAIN) ** 2)
+    return float(evidence.max())
+
+
+def _fewer_links(seen: Observations) -> Observations:
+    """At most `MAX_LINKS` antenna pairs, evenly chosen."""
+    links = len(seen.tx)
+    if links <= MAX_LINKS:
+        return seen
+    return seen.of_links(np.linspace(0, links - 1, MAX_LINKS).astype(int))

@@ -1,0 +1,91 @@
+"""What a calibration found, and what contradicts it, for people and for the attributes of a map."""
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from erm.mpcs.standard_errors import SIGMAS
+from erm.survey.calibration import NAMES, Calibration
+from erm.survey.conventions import Cause
+
+if TYPE_CHECKING:
+    from erm.maps.environment import Environment
+
+SHOWN = {"heading": (1.0, "degrees"), "clock": (1e9, "ns"), "gain": (1.0, "dB")}
+"""Factor and unit of each common error, for people."""
+
+
+def attributes(calibration: Calibration, causes: Sequence[Cause], *, as_given: bool) -> dict[str, str | float]:
+    """Attributes of a map about its survey.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        From `erm.survey.calibration.calibrate`.
+    causes : sequence of Cause
+        From `erm.survey.conventions.contradictions`.
+    as_given : bool
+        Whether the table was used without calibration.
+
+    Returns
+    -------
+    dict
+        ``calibration``: one line. ``survey_warnings``: a JSON list of lines. ``heading``, ``clock``, ``gain`` with
+        ``_std``: the estimates, measured minus true [degree], [s], [dB]. ``ambiguous``: names of those that the data do
+        not show.
+    """
+    values: dict[str, str | float] = {
+        "calibration": calibration_line(calibration, as_given=as_given),
+        "survey_warnings": json.dumps([*_large(calibration, as_given=as_given), *(_cause(one) for one in causes)]),
+        "ambiguous": " ".join(calibration.ambiguous),
+    }
+    for name in NAMES:
+        values[name] = float(getattr(calibration, name))
+        values[f"{name}_std"] = calibration.std(name)
+    return values
+
+
+def warnings(environment: "Environment") -> list[str]:
+    """Lines about what contradicts, from the attributes of a map."""
+    return list(json.loads(environment.reflectors.attrs.get("survey_warnings", "[]")))
+
+
+def calibration_line(calibration: Calibration, *, as_given: bool = False) -> str:
+    """One line about the common errors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from erm.survey.calibration import Calibration
+    >>> covariance = np.diag([0.1, 2e-11, 0.2]) ** 2
+    >>> found = Calibration(5.1, 1e-11, -0.1, covariance, ambiguous=(), direct_paths=12)
+    >>> calibration_line(found)
+    'calibration: heading 5.10 ± 0.10 degrees removed; clock 0.01 ± 0.02 ns; gain -0.10 ± 0.20 dB; from 12 direct paths'
+    """
+    parts = []
+    for name in NAMES:
+        if name in calibration.ambiguous:
+            parts.append(f"{name} not observable")
+            continue
+        removed = " removed" if calibration.applied[name] and not as_given else ""
+        parts.append(f"{name} {_shown(calibration, name)}{removed}")
+    parts.append(f"from {calibration.direct_paths} direct paths")
+    return "calibration: " + "; ".join(parts)
+
+
+def _large(calibration: Calibration, *, as_given: bool) -> list[str]:
+    """A line for each error beyond three standard errors."""
+    done = "kept, as asked" if as_given else "removed; --as-given keeps it"
+    return [
+        f"warning: the common error of {name} is {_shown(calibration, name)}, beyond {SIGMAS:g} standard errors: {done}"
+        for name in calibration.significant
+    ]
+
+
+def _cause(cause: Cause) -> str:
+    return f"warning: the table may hold {cause.text}"
+
+
+def _shown(calibration: Calibration, name: str) -> str:
+    factor, unit = SHOWN[name]
+    return f"{getattr(calibration, name) * factor:.2f} ± {calibration.std(name) * factor:.2f} {unit}"

@@ -1,0 +1,56 @@
+"""Conventions of a table are told apart by the direct paths; a table as expected gives no remark."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from erm.survey.conventions import contradictions
+
+from .streets import street
+
+CHANGES = {
+    "radians": lambda t: t.assign(azimuth=np.deg2rad(t["azimuth"])),
+    "compass": lambda t: t.assign(azimuth=90 - t["azimuth"]),
+    "mirrored": lambda t: t.assign(azimuth=-t["azimuth"]),
+    "zenith": lambda t: t.assign(elevation=90 - t["elevation"]),
+    "loss": lambda t: t.assign(path_gain=-t["path_gain"]),
+    "GHz": lambda t: t.assign(frequency=t["frequency"] / 1e9),
+    "nanoseconds": lambda t: t.assign(delay=t["delay"] * 1e9),
+    "feet": lambda t: t.assign(tx_position=t["tx_position"] / 0.3048, rx_position=t["rx_position"] / 0.3048),
+    "TX and RX": lambda t: t.assign(tx_position=t["rx_position"], rx_position=t["tx_position"]),
+    "north": lambda t: t.assign(tx_position=t["tx_position"][:, [1, 0, 2]], rx_position=t["rx_position"][:, [1, 0, 2]]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("word", CHANGES)
+def test_a_convention_is_named_and_only_that(word):
+    causes = contradictions(CHANGES[word](street()))
+    assert len(causes) == 1
+    assert word in causes[0].text
+    # a bearing and exchanged axes agree equally well, and both are named
+    assert len(causes[0].conventions) == (2 if word in ("compass", "north") else 1)
+
+
+@pytest.mark.slow
+def test_conventions_that_are_wrong_together_are_all_named():
+    table = street()
+    for word in ("radians", "nanoseconds", "GHz"):
+        table = CHANGES[word](table)
+    named = " ".join(cause.text for cause in contradictions(table))
+    assert all(word in named for word in ("radians", "nanoseconds", "GHz"))
+
+
+@pytest.mark.parametrize("heading", [0.0, 5.0, -20.0])
+def test_common_errors_are_no_convention(heading):
+    true = street()
+    table = true.assign(azimuth=true["azimuth"] + heading, delay=true["delay"] + 4e-9, path_gain=true["path_gain"] - 55)
+    assert contradictions(table) == []
+
+
+def test_nothing_is_named_without_direct_paths():
+    table: xr.Dataset = street()
+    excess = table["delay"] * 299792458 - np.linalg.norm(table["tx_position"] - table["rx_position"], axis=1)
+    table = table.isel(mpc=np.flatnonzero(excess > 1))
+    assert contradictions(table) == []
+    assert contradictions(table.assign(azimuth=90 - table["azimuth"])) == []
