@@ -25,6 +25,8 @@ class Meaning(NamedTuple):
     """Whether it is a failure of the data (exit code 1), not a note."""
     doubts: tuple[str, ...] = ()
     """Quantities of all MPCs of the position that it makes doubtful: columns of the MPC table."""
+    of_calibration: bool = False
+    """Whether it concerns the back-to-back recording, and so every position that it calibrates."""
 
 
 class Code(Enum):
@@ -52,6 +54,100 @@ class Code(Enum):
         "check the positions of TX and RX, the calibration and the antenna gains; do not trust the product",
         advice=True,
         unit="dB",
+    )
+
+    LOS_DELAY = Meaning(
+        "the direct path is not at the delay of the distance of the antennas",
+        "check trigger, clock, back-to-back and positions",
+        advice=True,
+        unit="s",
+        doubts=("delay",),
+    )
+    LOS_DIRECTION = Meaning(
+        "the direct path does not come from the transmitter",
+        "check the zeros of the turntable and the positions",
+        advice=True,
+        unit="degree",
+        doubts=("azimuth",),
+    )
+    LOS_LEVEL = Meaning(
+        "the direct path does not have the gain of free space",
+        "check attenuator, scale_factor, agc_gain and antenna gains, and where the transmit antenna points",
+        advice=True,
+        unit="dB",
+        doubts=("path_gain",),
+    )
+    LOS_ABSENT = Meaning(
+        "no direct path is found, though los says line of sight",
+        "check los, positions, agc_gain and the scan",
+        advice=True,
+        doubts=("azimuth",),
+    )
+    QUADRATURE_EXCHANGED = Meaning(
+        "I and Q are exchanged, or Q has the wrong sign, in the recording or in its back-to-back",
+        "exchange them in one of the two",
+        advice=True,
+        doubts=("delay",),
+    )
+    QUADRATURE_DELAYED = Meaning(
+        "I and Q are a sample apart in the recording or in its back-to-back",
+        "export it again",
+        advice=True,
+        doubts=("delay",),
+    )
+    NOISE_LEVEL = Meaning(
+        "the noise does not have the level of the noise figure",
+        "check scale_factor, agc_gain and receiver.noise_figure",
+        advice=True,
+        unit="dB",
+        doubts=("path_gain",),
+    )
+    BACK_TO_BACK_SLIPPED = Meaning(
+        "back-to-back snapshots start at other samples", "left out", fails=True, of_calibration=True
+    )
+    BACK_TO_BACK_LIMITED = Meaning(
+        "the back-to-back samples are limited",
+        "record it with less gain",
+        advice=True,
+        doubts=("path_gain",),
+        of_calibration=True,
+    )
+    BACK_TO_BACK_COMPRESSED = Meaning(
+        "the back-to-back holds products of compression",
+        "record it with more attenuation",
+        advice=True,
+        unit="dB",
+        of_calibration=True,
+    )
+    BACK_TO_BACK_PATHS = Meaning(
+        "the back-to-back holds more than one path",
+        "check its cables, and that no antenna is connected",
+        advice=True,
+        unit="dB",
+        of_calibration=True,
+    )
+    BACK_TO_BACK_LEVEL = Meaning(
+        "the back-to-back does not have the stated level",
+        "check attenuation, scale_factor and transmitter.power",
+        advice=True,
+        unit="dB",
+        doubts=("path_gain",),
+        of_calibration=True,
+    )
+    BACK_TO_BACK_DELAY = Meaning(
+        "the back-to-back does not have the stated delay",
+        "check trigger and cables",
+        advice=True,
+        unit="s",
+        doubts=("delay",),
+        of_calibration=True,
+    )
+    ATTENUATOR = Meaning(
+        "the attenuator of the back-to-back is not passive or not the stated one",
+        "check attenuation and S21",
+        advice=True,
+        doubts=("path_gain",),
+        of_calibration=True,
     )
 
     @property

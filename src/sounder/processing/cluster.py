@@ -136,4 +136,4 @@ def _compile_kernels(job: Job) -> None:
     coords = {name: np.arange(size) for name, size in shape.items()}
     silence = np.zeros(tuple(shape.values()), np.complex64)
     with suppress(DataError):  # processing the positions will report what is wrong with the calibration
-        extract_mpcs(xr.Dataset({"cir": (tuple(shape), silence)}, coords=coords), FilterCache().get(job), sounder)
+        extract_mpcs(xr.Dataset({"cir": (tuple(shape), silence)}, coords=coords), FilterCache().get(job)[0], sounder)

@@ -8,7 +8,7 @@ from pathlib import Path
 from erm.common.errors import DataError
 from sounder import shipped
 from sounder.instrument.description import Sounder, load_sounder
-from sounder.instrument.stated import Transmitter
+from sounder.instrument.stated import Receiver, Transmitter
 from sounder.recordings import foreign, native
 from sounder.recordings.layout import load_layout
 from sounder.recordings.open import open_recordings
@@ -168,10 +168,10 @@ def open_file(
 def _default_description(layout: Path) -> Sounder:
     """Shipped description, for a layout to override.
 
-    It describes another instrument, so neither its name nor its power are kept.
+    It describes another instrument, so neither its name nor its levels are kept.
     """
     return load_sounder(shipped.calibration("sounder-132ghz.toml")).model_copy(
-        update={"name": f"sounder of {layout.name}", "transmitter": Transmitter()}
+        update={"name": f"sounder of {layout.name}", "transmitter": Transmitter(), "receiver": Receiver()}
     )
 
 

@@ -1,5 +1,6 @@
 """One position: from its recording to its product, or to an error."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from sounder.mpc.extract import extract_mpcs
 from sounder.options import Options
 from sounder.processing.jobs import Job
 from sounder.processing.remarks import remarks_on_position
+from sounder.quality.calibration import check_back_to_back
+from sounder.quality.quadrature import remarks_on_quadrature
 from sounder.quality.table import read_remarks, tabulate_remarks
 from sounder.recordings.recording import Recording
 from sounder.remark import Remark, doubts, lines
@@ -47,14 +50,15 @@ class FilterCache:
     """De-embedding filters, made once for all positions with the same back-to-back, description and scale factor."""
 
     def __init__(self) -> None:
-        self._made: dict[tuple[Path, str, float], Deembedding] = {}
+        self._made: dict[tuple[Path, str, float, bool], tuple[Deembedding, list[Remark]]] = {}
 
-    def get(self, job: Job) -> Deembedding:
-        """Filter for a job."""
+    def get(self, job: Job, *, trust_all: bool = False) -> tuple[Deembedding, list[Remark]]:
+        """Filter for a job, and what is wrong with the back-to-back that it is made from."""
         recording = job.recording
-        key = (job.b2b.source, recording.sounder.model_dump_json(), recording.scale_factor)
+        key = (job.b2b.source, recording.sounder.model_dump_json(), recording.scale_factor, trust_all)
         if key not in self._made:
-            self._made[key] = calibrate(job.b2b, recording)
+            checked = check_back_to_back(job.b2b, recording.sounder, trust_all=trust_all)
+            self._made[key] = calibrate(checked.usable, recording), checked.remarks
         return self._made[key]
 
 
@@ -64,12 +68,13 @@ def process_position(
     """Process one position into its product. Errors of its data are returned, not raised."""
     recording = job.recording
     try:
-        groups, remarks = process_recording(recording, filters.get(job), options, threads=threads)
+        filter_, of_calibration = filters.get(job, trust_all=options.trust_all)
+        groups, remarks = process_recording(recording, filter_, options, threads=threads, of_calibration=of_calibration)
         groups["/"].attrs.update(_provenance(job, options))
         write_product(groups, target)
     except DataError as error:
         return Outcome(failures=[str(error)])
-    return _outcome(recording, target, remarks)
+    return _outcome(job, target, remarks)
 
 
 def existing_product(job: Job, target: Path, options: Options) -> Outcome | None:
@@ -90,22 +95,40 @@ def existing_product(job: Job, target: Path, options: Options) -> Outcome | None
     origin = _provenance(job, options) | {"sounder": recording.sounder.model_dump_json()}
     if found != expected or any(root.attrs.get(name) != value for name, value in origin.items()):
         return None
-    return _outcome(recording, target, remarks, already=1)
+    return _outcome(job, target, remarks, already=1)
 
 
-def _outcome(recording: Recording, target: Path, remarks: list[Remark], already: int = 0) -> Outcome:
+def _outcome(job: Job, target: Path, remarks: list[Remark], already: int = 0) -> Outcome:
+    recording = job.recording
     recorded = int(recording.valid.sum())
-    failures, notes = (
-        [f"{recording.source}: {recording.name}: {line}" for line in lines(remarks, recorded, failures=which)]
-        for which in (True, False)
-    )
-    return Outcome([target], failures, notes, already)
+    named: dict[bool, list[str]] = {True: [], False: []}
+    for of_calibration, who in ((True, f"{job.b2b.source}"), (False, f"{recording.source}: {recording.name}")):
+        alike = [remark for remark in remarks if remark.code.value.of_calibration == of_calibration]
+        for failures, found in named.items():
+            found += [f"{who}: {line}" for line in lines(alike, recorded, failures=failures)]
+    return Outcome([target], named[True], named[False], already)
 
 
 def process_recording(
-    recording: Recording, filter_: Deembedding, options: Options, *, threads: int | None = None
+    recording: Recording,
+    filter_: Deembedding,
+    options: Options,
+    *,
+    threads: int | None = None,
+    of_calibration: Sequence[Remark] = (),
 ) -> tuple[dict[str, xr.Dataset], list[Remark]]:
     """Process one position in memory.
+
+    Parameters
+    ----------
+    recording : Recording
+    filter_ : Deembedding
+        From :func:`sounder.calibrate`.
+    options : Options
+    threads : int, optional
+        As for :func:`sounder.impulse_responses`.
+    of_calibration : sequence of Remark
+        What is wrong with the back-to-back of the filter.
 
     Returns
     -------
@@ -120,6 +143,7 @@ def process_recording(
         No direction of the recording can be used.
     """
     cir, remarks = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
+    remarks += remarks_on_quadrature(cir["cir"].values, filter_)
     distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
     groups = {
         "/": _root(recording, remarks),
@@ -134,7 +158,7 @@ def process_recording(
             time=recording.time,
         ),
     }
-    remarks += remarks_on_position(recording, groups)
+    remarks += [*of_calibration, *remarks_on_position(recording, groups, filter_)]
     if not options.trust_all:
         groups["/"].attrs["doubts"] = " ".join(doubts(remarks))
     groups["/quality"] = tabulate_remarks(remarks)

@@ -6,6 +6,9 @@ import numpy as np
 import xarray as xr
 
 from erm.common.constants import c
+from sounder.cir.deembedding import Deembedding
+from sounder.quality.line_of_sight import LEAST_SNR, remarks_on_line_of_sight
+from sounder.quality.noise_level import remarks_on_noise_level
 from sounder.recordings.recording import Recording
 from sounder.remark import Code, Remark, named
 
@@ -20,7 +23,7 @@ FREE_SPACE_MARGIN = 3.0
 """Gain over free space that an MPC may have, besides two of its standard deviations [dB]. Chosen; not derived."""
 
 
-def remarks_on_position(recording: Recording, groups: Mapping[str, xr.Dataset]) -> list[Remark]:
+def remarks_on_position(recording: Recording, groups: Mapping[str, xr.Dataset], filter_: Deembedding) -> list[Remark]:
     """Remarks about a position as a whole. Its product is written nevertheless.
 
     Parameters
@@ -28,8 +31,11 @@ def remarks_on_position(recording: Recording, groups: Mapping[str, xr.Dataset]) 
     recording : Recording
     groups : mapping of str to xarray.Dataset
         Groups of the product.
+    filter_ : Deembedding
+        The filter that made them.
     """
-    remarks = []
+    remarks = remarks_on_line_of_sight(recording, groups["/mpc"], groups["/daps"])
+    remarks += remarks_on_noise_level(groups["/daps"], filter_, recording)
     if (impossible := over_free_space(groups["/mpc"], recording)) is not None:
         remarks.append(impossible)
     if missing := recording.missing:
@@ -82,8 +88,11 @@ def over_free_space(mpc: xr.Dataset, recording: Recording) -> Remark | None:
 
 
 def _coherence(daps: xr.Dataset) -> float:
-    """Coherence of the direction with the most power; 1 if it was not measured."""
+    """Coherence of the direction with the most power; 1 if it was not measured, or is that of noise."""
     if "coherence" not in daps:
         return 1.0
-    strongest = int(np.nanargmax(daps["daps"].max("delay").values))
+    peak = daps["daps"].max("delay").values
+    strongest = int(np.nanargmax(peak))
+    if (peak - daps["noise_floor"].values).flat[strongest] < LEAST_SNR:
+        return 1.0
     return float(daps["coherence"].values.flat[strongest])

@@ -181,6 +181,14 @@ class ThermalNoise(Table):
     noise_figure: NotNegative = 8.0
     temperature: NotNegative = 290.0
 
+    @property
+    def stated_figure(self) -> float | None:
+        """Noise figure at 290 K of the same noise [dB]; None if there is less than that of a warm resistor."""
+        if not self.temperature:
+            return None
+        figure = self.noise_figure + 10 * float(np.log10(self.temperature / 290.0))
+        return figure if figure >= 0 else None
+
     def power(self, bandwidth: float) -> float:
         """Noise power [mW] in a bandwidth [Hz]."""
         return float(1e3 * boltzmann * self.temperature * bandwidth * 10 ** (self.noise_figure / 10))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from erm.common.errors import DataError
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Clock, Sounder
+from sounder.instrument.stated import Receiver
 from sounder.instrument.touchstone import transmission
 from sounder.instrument.waveform import band_limited_template
 from sounder.recordings.recording import BackToBack, Captures, Recording
@@ -122,9 +123,7 @@ def record(
     return Recording(
         name=name,
         source=Path(f"twin of {sounder.name}"),
-        sounder=sounder.model_copy(
-            update={"clock": Clock(step=faults.delay_drift.step if faults.delay_drift else 0.0)}
-        ),
+        sounder=_as_it_is(sounder, faults),
         azimuth=azimuth,
         elevation=elevation,
         snapshots=snapshots,
@@ -200,6 +199,13 @@ def _sent_spectrum(sounder: Sounder, faults: Faults) -> Complex:
         raise DataError(f"{sounder.name}: transmitter.power is missing; expected the power to simulate [dBm]")
     sent: Complex = 10 ** (sounder.transmitter.power / 20) * np.fft.fft(band_limited_template(sounder.waveform))
     return sent * faults.system_response.response(_frequency(sounder)) if faults.system_response else sent
+
+
+def _as_it_is(sounder: Sounder, faults: Faults) -> Sounder:
+    """Description of a sounder that states clock and noise of the twin."""
+    noise, step = faults.thermal_noise, faults.delay_drift.step if faults.delay_drift else 0.0
+    figure = noise.stated_figure if noise else None
+    return sounder.model_copy(update={"clock": Clock(step=step), "receiver": Receiver(noise_figure=figure)})
 
 
 def _apply_drifts(spectra: Complex, sounder: Sounder, azimuth: Real, faults: Faults, seeds: tuple[int, int]) -> None:

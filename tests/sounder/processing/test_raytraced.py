@@ -24,7 +24,7 @@ def scene(request, shared_data):
     filters, options = FilterCache(), Options()
     found = []
     for job in jobs:
-        groups, remarks = process_recording(job.recording, filters.get(job), options)
+        groups, remarks = process_recording(job.recording, filters.get(job)[0], options)
         assert not [remark for remark in remarks if remark.code.value.fails]  # no gain over free space among them
         mpc = groups["/mpc"]
         found.append((job.recording.tx_position, job.recording.rx_position, mpc["delay"].values, mpc["azimuth"].values))
