@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from sounder.mpc.extract import extract_mpcs
     from sounder.mpc.score import score
     from sounder.options import Options
+    from sounder.parameters.statistics import campaign_statistics
+    from sounder.processing.channel_parameters import channel_parameters
     from sounder.processing.jobs import gather
     from sounder.processing.pipeline import process
     from sounder.recordings.open import open_recordings
@@ -61,6 +63,8 @@ _MODULES = {
     "Recording": "sounder.recordings.recording",
     "Sounder": "sounder.instrument.description",
     "calibrate": "sounder.cir.impulse_response",
+    "campaign_statistics": "sounder.parameters.statistics",
+    "channel_parameters": "sounder.processing.channel_parameters",
     "cramer_rao": "sounder.mpc.cramer_rao",
     "daps": "sounder.cir.power_spectrum",
     "extract_mpcs": "sounder.mpc.extract",
@@ -84,6 +88,8 @@ __all__ = [
     "Sounder",
     "__version__",
     "calibrate",
+    "campaign_statistics",
+    "channel_parameters",
     "cramer_rao",
     "daps",
     "extract_mpcs",

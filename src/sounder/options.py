@@ -10,8 +10,14 @@ Averaging = Literal["coherent", "phase-aligned", "power"]
 """How the snapshots of a direction are averaged."""
 Method = Literal["sage", "clean", "peaks"]
 """How overlapping MPCs are separated."""
-Omnidirectional = Literal["sum", "maximum"]
-"""How the omnidirectional PDP is made: sum of the beams, or strongest beam."""
+BeamProfile = Literal["sum", "maximum"]
+"""How the omnidirectional PDP is made from beams: their sum, or the strongest in each delay bin."""
+Omnidirectional = Literal["synthesis", "sum", "maximum"]
+"""How the omnidirectional PDP is made: synthesis from the MPCs, or from the beams as `BeamProfile` says."""
+Source = Literal["mpcs", "pdp"]
+"""What channel parameters are computed from: MPCs, or samples of the omnidirectional PDP."""
+Clustering = Literal["none", "k-power-means", "dbscan"]
+"""How MPCs are grouped into clusters."""
 FigureFormat = Literal["png", "pdf", "svg"]
 """File format of figures."""
 
@@ -109,8 +115,9 @@ class Options:
         What counts as an MPC, as :class:`Threshold` writes it: ``usc``, ``nyu``, or numbers such as ``10,30,4e-7``.
     method : {"sage", "clean", "peaks"}
         How overlapping MPCs are separated; see :func:`sounder.mpc.extract.extract_mpcs`.
-    omnidirectional : {"sum", "maximum"}
-        How the omnidirectional PDP is made; see :func:`sounder.cir.power_spectrum.daps`.
+    omnidirectional : {"synthesis", "sum", "maximum"}
+        How the omnidirectional PDP is made: from the MPCs (:func:`sounder.mpc.omnidirectional_pdp.with_synthesis`), or
+        from the beams (:func:`sounder.cir.power_spectrum.daps`).
     keep_cir : bool
         Keep the impulse responses in the product.
     trust_all : bool
@@ -136,7 +143,7 @@ class Options:
     averaging: Averaging = "coherent"
     threshold: str = "usc"
     method: Method = "sage"
-    omnidirectional: Omnidirectional = "sum"
+    omnidirectional: Omnidirectional = "synthesis"
     keep_cir: bool = False
     trust_all: bool = False
 

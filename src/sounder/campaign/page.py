@@ -13,7 +13,7 @@ from erm.common.console import counted
 from erm.common.page import Page, cell
 from erm.common.storage import SOFTWARE, open_group
 from erm.mpcs.reasons import Reason, count_reasons
-from sounder.campaign.result import POINTS, PRODUCTS, TABLE
+from sounder.campaign.result import PARAMETERS, POINT_DATA, POINTS, PRODUCTS, STATISTICS, TABLE
 from sounder.instrument.description import Sounder
 from sounder.processing.recording_summary import describe_sounder
 from sounder.processing.summary_texts import line_of_sight
@@ -95,7 +95,8 @@ class _Position:
 
 
 def _overview(result: "CampaignResult") -> str:
-    files = [TABLE, *(f"map.{suffix}" for suffix in result.campaign.map.formats), POINTS]
+    maps = [f"map.{suffix}" for suffix in result.campaign.map.formats]
+    files = [TABLE, *maps, POINTS, PARAMETERS, STATISTICS, POINT_DATA]
     links = ", ".join(f"[{name}]({name})" for name in files)
     return (
         f"{counted(len(result.products), 'position')} and {counted(result.table.sizes['mpc'], 'MPC')}; "

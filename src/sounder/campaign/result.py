@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sounder.campaign.description import Campaign
 
 PRODUCTS, FIGURES, TABLE, POINTS, REPORT = "products", "figures", "mpcs.csv", "reflection-points.csv", "report.md"
+PARAMETERS, STATISTICS, POINT_DATA = "parameters.csv", "statistics.csv", "point-data.csv"
 """Names of files and folders in the folder of a campaign."""
 
 

@@ -26,9 +26,24 @@ from erm.reconstruction.extend import with_images
 from erm.reconstruction.make_map import make_map
 from sounder.campaign.description import Campaign, load_campaign
 from sounder.campaign.page import fill_page
-from sounder.campaign.result import FIGURES, POINTS, PRODUCTS, REPORT, TABLE, CampaignResult, map_figure
+from sounder.campaign.result import (
+    FIGURES,
+    PARAMETERS,
+    POINT_DATA,
+    POINTS,
+    PRODUCTS,
+    REPORT,
+    STATISTICS,
+    TABLE,
+    CampaignResult,
+    map_figure,
+)
 from sounder.figures.files import draw_product, figure_paths, is_up_to_date
+from sounder.parameters.statistics import campaign_statistics
+from sounder.processing.channel_parameters import channel_parameters
+from sounder.processing.parameter_tables import write_parameters, write_statistics
 from sounder.processing.pipeline import process
+from sounder.processing.point_data import write_point_data
 
 
 def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None) -> CampaignResult:
@@ -61,8 +76,8 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
     ...     "figures.positions = 'none'"
     ... )
     >>> result = sounder.run_campaign(path)
-    >>> sorted(file.name for file in result.out.iterdir())
-    ['figures', 'map.geojson', 'map.h5', 'mpcs.csv', 'products', 'reflection-points.csv', 'report.md']
+    >>> sorted(file.name for file in result.out.iterdir() if file.suffix == ".csv")
+    ['mpcs.csv', 'parameters.csv', 'point-data.csv', 'reflection-points.csv', 'statistics.csv']
     """
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign)
@@ -92,6 +107,7 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
         raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
     table, problems = read_mpcs(outcome.products)
     write_mpcs(table, out / TABLE)
+    _write_parameters(outcome.products, out)
     environment, located = _make_map(campaign, table, outcome.products)
     for suffix in campaign.map.formats:
         write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located))
@@ -119,7 +135,10 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
 def _outputs(campaign: Campaign, out: Path) -> list[Path]:
     """Files that are made besides products and figures of positions."""
     maps = [f"map.{suffix}" for suffix in campaign.map.formats]
-    return [map_figure(campaign, out), *(out / name for name in (TABLE, POINTS, REPORT, *maps))]
+    return [
+        map_figure(campaign, out),
+        *(out / name for name in (TABLE, PARAMETERS, STATISTICS, POINT_DATA, POINTS, REPORT, *maps)),
+    ]
 
 
 def _check_outputs(campaign: Campaign, out: Path) -> NDArray[Any] | None:
@@ -132,6 +151,14 @@ def _check_outputs(campaign: Campaign, out: Path) -> NDArray[Any] | None:
         require_format(out / f"map.{suffix}")
     outline = campaign.map.outline
     return None if outline is None else known_faces(outline, georeference=georeference)
+
+
+def _write_parameters(products: Sequence[Path], out: Path) -> None:
+    """Tables of channel parameters. Positions without MPCs have none, which the report shows by their number."""
+    parameters, _ = channel_parameters(products)
+    write_parameters(parameters, out / PARAMETERS)
+    write_statistics(campaign_statistics(parameters), out / STATISTICS)
+    write_point_data(parameters, out / POINT_DATA, products=products)
 
 
 def _make_map(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -> tuple[Environment, xr.Dataset]:

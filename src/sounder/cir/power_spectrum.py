@@ -6,8 +6,13 @@ from numpy.typing import NDArray
 
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
-from sounder.options import Omnidirectional, require_choice
+from sounder.options import BeamProfile, require_choice
 
+PROFILES: dict[BeamProfile, str] = {
+    "sum": "sum of the beams over their overlap",
+    "maximum": "strongest beam in each delay bin over the boresight gain",
+}
+"""What each omnidirectional PDP is, for labels."""
 NOISE_QUANTILE = 0.25
 """Quantile of the power over delay from which the noise floor is taken; up to three quarters of the delays may hold
 paths. Chosen, not derived."""
@@ -42,7 +47,7 @@ def noise_power(power: NDArray[np.floating]) -> NDArray[np.floating]:
     return quantile / -np.log1p(-NOISE_QUANTILE)
 
 
-def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional = "sum") -> xr.Dataset:
+def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "sum") -> xr.Dataset:
     """Compute the DAPS of a position, its noise floor and its profiles.
 
     Parameters
@@ -52,18 +57,20 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
     sounder : Sounder
         For the receive antenna's pattern.
     omnidirectional : {"sum", "maximum"}
-        How the omnidirectional power delay profile (PDP) is made. ``sum`` adds the power of all beams and divides by
-        the gain that all beams together have toward a direction of the scan (Sun et al.). ``maximum`` takes the
-        strongest beam in each delay bin and divides by the boresight gain (Hur et al.).
+        How the omnidirectional power delay profile (PDP) is made of the beams. Both are too low for paths above or
+        below the scan, by what the antenna loses toward them; :mod:`sounder.mpc.omnidirectional_pdp` is not. ``sum``
+        adds the power of all beams and divides by the gain that all beams together have toward a direction of the
+        scan (Sun et al.). ``maximum`` takes the strongest beam in each delay bin and divides by the boresight gain
+        (Hur et al.).
 
     Returns
     -------
     xarray.Dataset
         ``daps`` (azimuth, elevation, delay): path gain including the receive antenna [dB]. ``noise_floor`` (azimuth,
-        elevation): mean noise power [dB]. ``pdp`` (delay): omnidirectional, antenna removed [dB]. ``pas`` (azimuth,
-        elevation): power angular spectrum, the sum over the delays that are 6 dB or more above the noise floor [dB].
-        ``coherence``, ``carrier_offset`` and ``phase_drift`` (azimuth, elevation), if ``cir`` has them. NaN where
-        nothing was recorded.
+        elevation): mean noise power [dB]. ``pdp`` (delay): omnidirectional, as chosen, boresight gain removed [dB].
+        ``pas`` (azimuth, elevation): power angular spectrum, the sum over the delays that are 6 dB or more above the
+        noise floor [dB]. ``coherence``, ``carrier_offset`` and ``phase_drift`` (azimuth, elevation), if ``cir`` has
+        them. NaN where nothing was recorded.
 
     References
     ----------
@@ -84,7 +91,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
     >>> print(f"{float(spectrum['pdp'].max()):.1f} dB")  # the direct path has a gain of -104.5 dB
     -104.5 dB
     """
-    require_choice("omnidirectional", omnidirectional, Omnidirectional)
+    require_choice("omnidirectional", omnidirectional, BeamProfile)
     power = np.abs(cir["cir"].values).astype(float) ** 2
     floor = noise_power(power)
     recorded = np.isfinite(floor)
@@ -102,7 +109,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: Omnidirectional 
         {
             "daps": ((*grid, "delay"), _db(power).astype(np.float32), _attrs("delay-angular power spectrum")),
             "noise_floor": (grid, _db(floor), _attrs("mean noise power")),
-            "pdp": ("delay", _db(pdp), _attrs("omnidirectional power delay profile")),
+            "pdp": ("delay", _db(pdp), _attrs(f"omnidirectional power delay profile: {PROFILES[omnidirectional]}")),
             "pas": (grid, _db(pas), _attrs("power angular spectrum, above the noise floor")),
         },
         coords=cir.coords,

@@ -39,6 +39,9 @@ DYNAMIC_RANGE = 40.0
 VISIBLE_SNR = 12.0
 """Power over the noise floor from which something is shown [dB]: the threshold of MPCs by USC."""
 
+PDP_MARGIN = 5.0
+"""How far under the noise floor the axis of a PDP begins [dB]. Chosen; not derived."""
+
 
 def strongest_elevation(daps: xr.Dataset) -> xr.DataArray:
     """DAPS with the strongest elevation at each azimuth and delay [dB]; NaN where all are missing."""
@@ -152,7 +155,10 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
 
 
 def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
-    """Draw omnidirectional power delay profiles without the gain of the antenna.
+    """Draw omnidirectional power delay profiles.
+
+    The axis says how they were made. It begins :data:`PDP_MARGIN` under the lowest noise floor of the beams, without
+    the boresight gain: a synthesis from MPCs has no noise of its own.
 
     Parameters
     ----------
@@ -162,8 +168,12 @@ def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
     """
     for name, daps in products:
         ax.plot(daps["delay"].values * 1e9, daps["pdp"].values, linewidth=0.9, label=name)
-    ax.set(xlabel="Delay (ns)", ylabel="Path gain (dB)")
+    made = {str(daps["pdp"].attrs.get("long_name", "")).rpartition(": ")[2] for _, daps in products}
+    ax.set(xlabel="Delay (ns)", ylabel="\n".join(["Path gain (dB)", *sorted(made - {""})]))
     ax.set_xlim(0, max(last_visible_delay(daps) for _, daps in products) * 1e9)
+    floor = min(float(daps["noise_floor"].min()) - daps.attrs.get("rx_antenna_gain", 0.0) for _, daps in products)
+    if np.isfinite(floor):
+        ax.set_ylim(bottom=floor - PDP_MARGIN)
     ax.grid(alpha=0.3)
     ax.legend(**LEGEND_ABOVE, ncols=4)
     return ax

@@ -14,6 +14,7 @@ from sounder.cir.deembedding import Deembedding
 from sounder.cir.impulse_response import calibrate, impulse_responses
 from sounder.cir.power_spectrum import daps
 from sounder.mpc.extract import extract_mpcs
+from sounder.mpc.omnidirectional_pdp import with_synthesis
 from sounder.options import Options
 from sounder.processing.jobs import Job
 from sounder.processing.remarks import remarks_on_position
@@ -145,19 +146,16 @@ def process_recording(
     cir, remarks = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
     remarks += remarks_on_quadrature(cir["cir"].values, filter_)
     distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
-    groups = {
-        "/": _root(recording, remarks),
-        "/daps": daps(cir, recording.sounder, omnidirectional=options.omnidirectional),
-        "/mpc": extract_mpcs(
-            cir,
-            filter_,
-            recording.sounder,
-            distance=distance,
-            threshold=options.threshold,
-            method=options.method,
-            time=recording.time,
-        ),
-    }
+    mpcs = extract_mpcs(
+        cir,
+        filter_,
+        recording.sounder,
+        distance=distance,
+        threshold=options.threshold,
+        method=options.method,
+        time=recording.time,
+    )
+    groups = {"/": _root(recording, remarks), "/daps": _daps(cir, mpcs, recording, filter_, options), "/mpc": mpcs}
     remarks += [*of_calibration, *remarks_on_position(recording, groups, filter_)]
     if not options.trust_all:
         groups["/"].attrs["doubts"] = " ".join(doubts(remarks))
@@ -165,6 +163,17 @@ def process_recording(
     if options.keep_cir:
         groups["/cir"] = cir
     return groups, remarks
+
+
+def _daps(
+    cir: xr.Dataset, mpcs: xr.Dataset, recording: Recording, filter_: Deembedding, options: Options
+) -> xr.Dataset:
+    """DAPS with the omnidirectional PDP of the options."""
+    if options.omnidirectional == "synthesis":
+        spectrum = with_synthesis(daps(cir, recording.sounder), mpcs, filter_)
+    else:
+        spectrum = daps(cir, recording.sounder, omnidirectional=options.omnidirectional)
+    return spectrum.assign_attrs(pulse_energy=float(np.sum(np.abs(filter_.pulse) ** 2)))
 
 
 def _root(recording: Recording, remarks: list[Remark]) -> xr.Dataset:

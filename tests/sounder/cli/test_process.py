@@ -54,7 +54,7 @@ def test_a_product_is_as_its_schema_says(campaign, products):
     }
     options = json.loads(root.attrs["processing_options"])
     extraction = {"threshold": "usc", "method": "sage"}
-    others = {"averaging": "coherent", "omnidirectional": "sum", "keep_cir": True, "trust_all": False}
+    others = {"averaging": "coherent", "omnidirectional": "synthesis", "keep_cir": True, "trust_all": False}
     assert options == {**extraction, **others}
     grid = {"azimuth": 12, "elevation": 2}
     assert dict(daps["daps"].sizes) == dict(cir["cir"].sizes) == {**grid, "delay": 254}

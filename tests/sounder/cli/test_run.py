@@ -17,7 +17,10 @@ from sounder.processing.jobs import gather
 
 from .commands import digest, facts, names, run
 
-FILES = ["map.geojson", "map.h5", "mpcs.csv", "reflection-points.csv", "report.md"]
+FILES = [
+    "map.geojson", "map.h5", "mpcs.csv", "parameters.csv", "point-data.csv", "reflection-points.csv", "report.md",
+    "statistics.csv",
+]  # fmt: skip
 TEXT = """
 [recordings]
 files = ["*.h5"]

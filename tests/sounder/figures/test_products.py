@@ -24,7 +24,7 @@ def product(paths=((150.0, 60.0, -100.0), (300.0, 240.0, -120.0)), *, azimuth=No
         {
             "daps": ((*grid, "delay"), power),
             "noise_floor": (grid, np.full((azimuth.size, 3), -150.0)),
-            "pdp": ("delay", power.max((0, 1))),
+            "pdp": ("delay", power.max((0, 1)), {"long_name": "omnidirectional power delay profile: sum of the beams"}),
         },
         coords={"azimuth": azimuth, "elevation": [-9.0, 0.0, 9.0], "delay": delay},
     )
@@ -154,7 +154,8 @@ def test_missing_directions_noise_alone_and_odd_scans_can_be_drawn(polar, azimut
 
 def test_pdp_has_units_and_a_line_each():
     axes = products.pdp([("RX1", product()), ("RX2", product())], plt.figure().add_subplot())
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Delay (ns)", "Path gain (dB)")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Delay (ns)", "Path gain (dB)\nsum of the beams")
+    assert axes.get_ylim()[0] == -150 - products.PDP_MARGIN
     assert [line.get_label() for line in axes.lines] == ["RX1", "RX2"]
     peak = axes.lines[0]
     assert peak.get_xdata()[np.argmax(peak.get_ydata())] == pytest.approx(150, abs=STEP * 1e9)

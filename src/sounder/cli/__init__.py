@@ -10,6 +10,7 @@ import typer
 
 from erm.common import console
 from erm.common.outputs import protect_inputs, require_folder
+from sounder.cli.parameters import parameters
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options
 
 app = typer.Typer(
@@ -132,7 +133,8 @@ def process(
         Method, typer.Option(help="Fit of MPCs: jointly (sage), one after another (clean), or each peak alone (peaks).")
     ] = Options.method,
     omnidirectional: Annotated[
-        Omnidirectional, typer.Option(help="Omnidirectional PDP: sum of all beams, or strongest beam.")
+        Omnidirectional,
+        typer.Option(help="Omnidirectional PDP: synthesis from MPCs, sum of all beams, or strongest beam."),
     ] = Options.omnidirectional,
     keep_cir: Annotated[bool, typer.Option("--keep-cir", help="Keep the impulse responses in the products.")] = False,
     trust_all: Annotated[
@@ -241,6 +243,9 @@ def score(
     if out:
         print(f"{out}: {len(write_score(result, out))} files", file=sys.stderr if as_json else sys.stdout)
     console.report_failures(problems)
+
+
+app.command()(parameters)
 
 
 def _print_info(tables: Sequence[tuple[Sequence[str], Iterable[Sequence[object]]]], remarks: list[Any]) -> None:
