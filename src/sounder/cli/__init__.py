@@ -170,7 +170,7 @@ def run(
         Path | None, typer.Option(help="Folder for all outputs. Default: the campaign file without its suffix.")
     ] = None,
 ) -> None:
-    """Make products, MPC table, map, figures and report of a campaign.
+    """Make products, tables, map, figures and report of a campaign.
 
     Existing products are kept if their input files and options are the same.
     """
