@@ -29,7 +29,7 @@ def parameters(
     ] = "mpcs",
     clusters: Annotated[Clustering, typer.Option(help="How MPCs are grouped into clusters.")] = "none",
 ) -> None:
-    """Compute path loss, spreads, K-factor and clusters, with errors.
+    """Compute path loss, spreads, K-factor and clusters.
 
     Medians of positions with and without line of sight are printed with their definitions.
     """
