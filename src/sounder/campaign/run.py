@@ -154,7 +154,7 @@ def _check_outputs(campaign: Campaign, out: Path) -> NDArray[Any] | None:
 
 
 def _write_parameters(products: Sequence[Path], out: Path) -> None:
-    """Tables of channel parameters. Positions without MPCs have none, which the report shows by their number."""
+    """Tables of channel parameters."""
     parameters, _ = channel_parameters(products)
     write_parameters(parameters, out / PARAMETERS)
     write_statistics(campaign_statistics(parameters), out / STATISTICS)

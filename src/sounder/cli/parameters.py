@@ -1,5 +1,6 @@
 """``sounder parameters``: channel parameters of products and MPC tables."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -41,7 +42,7 @@ def parameters(
     from erm.mpcs.files import read_mpcs, write_mpcs
     from sounder.parameters.statistics import campaign_statistics
     from sounder.processing import parameter_tables
-    from sounder.processing.channel_parameters import channel_parameters
+    from sounder.processing.channel_parameters import channel_parameters, notes_on_parameters
     from sounder.processing.point_data import write_point_data
 
     table, problems = channel_parameters(products, threshold=threshold, source=source, clusters=clusters)
@@ -57,4 +58,6 @@ def parameters(
     console.show(*parameter_tables.summarise(summary))
     for definition in dict.fromkeys(table["definition"].values.tolist()):
         print(definition)
+    for note in notes_on_parameters(table):
+        print(f"note: {note}", file=sys.stderr)
     console.report_failures(problems)

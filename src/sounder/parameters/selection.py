@@ -93,7 +93,8 @@ def select_pdp(daps: xr.Dataset, threshold: Threshold | None = None) -> Selectio
     Examples
     --------
     >>> power = np.array([-150.0, -150.0, -100.0, -110.0, -150.0])
-    >>> daps = xr.Dataset({"pdp": ("delay", power)}, {"delay": 1e-9 * np.arange(5)}, {"omnidirectional": "sum"})
+    >>> daps = xr.Dataset({"pdp": ("delay", power)}, {"delay": 1e-9 * np.arange(5)})
+    >>> daps = daps.assign_attrs(omnidirectional="sum", pulse_energy=1.0)
     >>> select_pdp(daps).paths["path_gain"].values.tolist()
     [-100.0, -110.0]
     """
@@ -105,7 +106,7 @@ def select_pdp(daps: xr.Dataset, threshold: Threshold | None = None) -> Selectio
     over = (pdp >= max(noise + threshold.noise_margin, np.max(pdp, initial=-np.inf) - threshold.dynamic_range)) & (
         np.isfinite(pdp) & (delay <= threshold.delay_gate)
     )
-    gain = pdp[over] - 10 * np.log10(daps.attrs.get("pulse_energy", 1.0))
+    gain = pdp[over] - 10 * np.log10(daps.attrs["pulse_energy"])
     std = 10 / np.log(10) * np.sqrt(2 * 10 ** ((noise - pdp[over]) / 10))
     unknown = np.full(gain.shape, np.nan)
     paths = xr.Dataset(

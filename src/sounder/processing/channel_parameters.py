@@ -46,7 +46,7 @@ def channel_parameters(
         ``doubts``, what checks of the recording made doubtful; and where it comes from (``file``, ``sha256``,
         ``software``).
     problems : list of str
-        One line for each file that cannot be used, and for each position without paths.
+        One line for each file that cannot be used.
 
     Raises
     ------
@@ -82,12 +82,6 @@ def channel_parameters(
             continue
         for about, group in positions:
             selection = select_mpcs(group, chosen) if source == "mpcs" else select_pdp(group, chosen)
-            if not selection.paths.sizes["mpc"]:
-                problems.append(f"{path}: {about['position']}: no path counts ({selection.threshold}); no parameters")
-            if about["doubts"]:
-                problems.append(
-                    f"{path}: marks {about['doubts']} as doubtful; left out of statistics; see sounder info"
-                )
             distance = float(np.linalg.norm(about["tx_position"] - about["rx_position"]))
             one = position_parameters(selection, distance=distance, los=about["los"], clusters=clusters)
             rows.append(_row(one, about, path, distance, clusters))
@@ -96,12 +90,25 @@ def channel_parameters(
     return xr.concat(rows, "position", combine_attrs="override").drop_attrs(deep=False), problems
 
 
+def notes_on_parameters(parameters: xr.Dataset) -> list[str]:
+    """One line for each position that does not count in statistics: without paths, or with something doubtful."""
+    notes = []
+    for i, name in enumerate(parameters["position"].values.tolist()):
+        one = parameters.isel(position=i)
+        where = f"{one['file'].item()}: {name}"
+        if not one["mpcs"].item():
+            notes.append(f"{where}: no path counts ({one['threshold'].item()}); no parameters")
+        if doubts := one["doubts"].item():
+            notes.append(f"{where}: {doubts} doubtful; left out of statistics; see sounder info")
+    return notes
+
+
 def _of_product(path: Path, source: Source) -> tuple[dict[str, Any], xr.Dataset]:
     """Facts of a product, and its MPCs or its DAPS."""
     root = open_group(path, expected=PRODUCT)
     group = open_group(path, "/mpc" if source == "mpcs" else "/daps", PRODUCT)
     needed = {"tx_position", "rx_position", "position", "frequency"} - {*root.variables, *root.attrs}
-    needed |= ({*VALUES} if source == "mpcs" else {"pdp"}) - {*group.variables}
+    needed |= ({*VALUES} if source == "mpcs" else {"pdp", "pulse_energy"}) - {*group.variables, *group.attrs}
     if needed:
         raise DataError(f"{path}: has no {sorted(needed)[0]}; expected {PRODUCT}")
     if root["position"].size != 1:

@@ -35,7 +35,9 @@ def test_mpcs_over_a_threshold(threshold, kept, text):
 
 def profile(power, how, **attributes):
     delay = 1e-9 * np.arange(len(power))
-    return xr.Dataset({"pdp": ("delay", power)}, {"delay": delay}, {"omnidirectional": how, **attributes})
+    return xr.Dataset(
+        {"pdp": ("delay", power)}, {"delay": delay}, {"omnidirectional": how, "pulse_energy": 1.0, **attributes}
+    )
 
 
 def test_noise_alone_has_no_parameters():

@@ -60,3 +60,10 @@ def test_fits_are_among_the_statistics():
     assert found["path_loss_floating_intercept", "exponent"].value == pytest.approx(3.0)
     assert found["path_loss_floating_intercept", "intercept"].value == pytest.approx(80.0)
     assert found["path_loss_close_in", "exponent"].positions == 5
+
+
+def test_doubtful_positions_do_not_count():
+    made = campaign([1, 1, 1], rms_delay_spread=[1e-8, 2e-8, 9e-8], doubts=["", "", "delay path_gain"])
+    found = {(one.parameter, one.statistic): one for one in campaign_statistics(made)}
+    assert found["rms_delay_spread", "p90"].positions == 2
+    assert found["rms_delay_spread", "mean"].value == pytest.approx(1.5e-8)
