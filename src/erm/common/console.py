@@ -1,5 +1,7 @@
 """Shared by both command lines: tables, error reports, progress bars, figure files, exit codes."""
 
+import io
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -8,9 +10,10 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
-from erm.common.errors import DataError, OptionError
+from erm.common.errors import DataError, OptionError, unforeseen
 from erm.common.gate import limits
 from erm.common.launch import INTERRUPTED
+from erm.common.printable import printable
 from erm.common.storage import SOFTWARE, atomic_path
 from erm.common.usage import usage_message
 
@@ -21,45 +24,89 @@ if TYPE_CHECKING:
 
 DATA_FAILED, WRONG_USAGE = 1, 2
 """Exit codes."""
+TERMINATED = 128 + signal.SIGTERM
+"""Exit code after a request to end, as shells report it."""
 UNDATED = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
 """Dates left out of the metadata of figures, so that the same figure gives the same bytes."""
 
 
 def run(app: "typer.Typer") -> None:
-    """Run a command line. Exit codes: 0 all done, 1 data failed, 2 wrong usage, 130 after Ctrl-C.
+    """Run a command line. Exit codes: 0 all done, 1 data failed, 2 wrong usage, 130 after Ctrl-C, 143 after SIGTERM.
 
     Errors are printed in one line on stderr.
     """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # the terminal may lack a letter of a name
+    usual, sys.unraisablehook = sys.unraisablehook, _unraisable
+    try:
+        code = _run(app)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError as error:
+        code = _output_failed(error)
+    finally:
+        sys.unraisablehook = usual
+    raise SystemExit(code)
+
+
+def _run(app: "typer.Typer") -> int:
+    """Exit code of a command line."""
     from typer import Abort, BadParameter
 
     usage_error: type[BadParameter] = BadParameter.__mro__[1]  # its parent class, which typer does not export
-    signal.signal(signal.SIGINT, _interrupt)
-    usual, sys.unraisablehook = sys.unraisablehook, _unraisable
     try:
         code = app(standalone_mode=False)
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else DATA_FAILED
     except DataError as error:
         print(error, file=sys.stderr)
-        raise SystemExit(WRONG_USAGE if isinstance(error, OptionError) else DATA_FAILED) from None
+        return WRONG_USAGE if isinstance(error, OptionError) else DATA_FAILED
     except usage_error as error:
         print(usage_message(error), file=sys.stderr)
-        raise SystemExit(WRONG_USAGE) from None
-    except Abort as abort:  # Ctrl-C in versions of typer that do not return 130
-        if isinstance(abort.__cause__, EOFError):  # typer takes the end of a file for the end of typing
-            raise abort.__cause__ from None
-        code = INTERRUPTED
-    finally:
-        sys.unraisablehook = usual
+        return WRONG_USAGE
+    except OSError:
+        raise
+    except Exception as error:
+        cause = error.__cause__ if isinstance(error, Abort) else error
+        if not isinstance(cause, Exception):  # Ctrl-C in versions of typer that do not return 130
+            code = INTERRUPTED
+        elif _with_traceback.is_set():
+            raise cause from None  # typer takes the end of a file (EOFError) for the end of typing
+        else:
+            print(unforeseen(cause), file=sys.stderr)
+            return DATA_FAILED
     if code == INTERRUPTED:
         print("interrupted; finished files are complete, unfinished ones were removed", file=sys.stderr)
-    raise SystemExit(code or 0)
+        return TERMINATED if _terminated.is_set() else INTERRUPTED
+    return code or 0
 
 
+def _output_failed(error: OSError) -> int:
+    """Report that nothing more can be printed; a reader that has seen enough, such as ``head``, is not reported."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:  # what is left must not fail again when Python ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    if not isinstance(error, BrokenPipeError):
+        where = error.filename or "the output"
+        print(f"{where}: cannot be written or read ({error.strerror or error})", file=sys.stderr)
+    return DATA_FAILED
+
+
+_with_traceback = Event()
+_terminated = Event()
 _interrupted = Event()
 
 
 def _interrupt(number: int, frame: object) -> None:
     """Raise KeyboardInterrupt and remember it: libraries lose what is raised within their callbacks."""
     _interrupted.set()
+    if number == signal.SIGTERM:
+        _terminated.set()
     signal.default_int_handler(number, None)
 
 
@@ -98,14 +145,17 @@ def add_options(app: "typer.Typer") -> None:
         virtual: bool = typer.Option(
             False, "--virtual", help="Read virtual HDF5 datasets, whose data are in other files of the folder."
         ),
+        traceback: bool = typer.Option(False, "--traceback", help="Show where an unforeseen error arose."),
     ) -> None:
         del version
+        if traceback:
+            _with_traceback.set()
         limits.allow(limits.Limits(int(max_memory * limits.GIB), virtual))
 
 
 def show(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table: with rules on a terminal, tab-separated in a pipe."""
-    cells = [[str(cell) for cell in row] for row in rows]
+    """Print a table: with rules on a terminal, tab-separated in a pipe. Control characters are escaped."""
+    cells = [[printable(str(cell)) for cell in row] for row in rows]
     if not sys.stdout.isatty():
         for row in [list(header), *cells]:
             print("\t".join(row))

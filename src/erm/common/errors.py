@@ -1,5 +1,8 @@
 """Errors that a user can act on."""
 
+import traceback
+from pathlib import Path
+
 from erm.common.printable import printable
 
 
@@ -20,6 +23,20 @@ class DataError(ValueError):
 
     def __init__(self, message: object) -> None:
         super().__init__("\n".join(map(printable, str(message).split("\n"))))
+
+
+def unforeseen(error: BaseException) -> str:
+    """One line for an error that no rule foresaw: a fault of this software, or too little memory."""
+    if isinstance(error, MemoryError):
+        return "the memory of this machine is not enough"
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if "site-packages" not in frame.filename] or frames
+    where = f" at {Path(own[-1].filename).name}:{own[-1].lineno}" if own else ""
+    text = printable(" ".join(str(error).split()))
+    return (
+        f"unforeseen {type(error).__name__}{where} ({text}); a fault of this software: please report it with the file "
+        "(--traceback before the command shows more)"
+    )
 
 
 class OptionError(DataError):

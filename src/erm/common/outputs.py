@@ -1,10 +1,16 @@
 """Checks of output paths, made before a command computes anything."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from erm.common.errors import OptionError
+from erm.common.errors import DataError, OptionError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 FILES = (".h5", ".hdf5", ".nc", ".csv", ".json", ".geojson", ".gpkg", ".toml", ".md", ".png", ".pdf", ".svg")
 """Suffixes that an output folder must not have."""
@@ -39,6 +45,43 @@ def require_folder(path: Path) -> None:
     there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not os.access(there, os.W_OK | os.X_OK):
         raise OptionError(f"{path}: cannot be written; choose a writable folder")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep a folder for this process while a block writes into it. A folder that is made and stays empty is removed.
+
+    The lock is that of the open folder, so it ends with the process, however it ends. File systems without such locks
+    give none.
+
+    Raises
+    ------
+    DataError
+        Another process writes into the folder, or it cannot be made.
+    """
+    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY) if fcntl is not None else None
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be written ({error.strerror}); choose a writable folder") from None
+    try:
+        if fcntl is not None and descriptor is not None:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise DataError(
+                    f"{folder}: another run is writing into this folder; wait for its end, or choose another --out"
+                ) from None
+            except OSError:
+                pass  # no locks on this file system
+        yield
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)
+        with suppress(OSError):  # not empty
+            for parent in made:
+                parent.rmdir()
 
 
 def protect_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:

@@ -15,6 +15,7 @@ from erm.common.errors import DataError
 from erm.common.gate.damage import refused
 from erm.common.gate.hdf5 import Group, open_hdf5
 from erm.common.gate.limits import current, too_large
+from erm.common.hdf5_output import new_hdf5
 from erm.common.netcdf import write_group
 from erm.common.version import __version__
 
@@ -75,8 +76,11 @@ def clear_leftovers(target: Path) -> None:
 
 def sha256(path: Path | str) -> str:
     """SHA-256 of a file, hexadecimal. Unchanged files are read once."""
-    facts = os.stat(path)
-    return _sha256(os.fspath(path), facts.st_mtime_ns, facts.st_size)
+    try:
+        facts = os.stat(path)
+        return _sha256(os.fspath(path), facts.st_mtime_ns, facts.st_size)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror}); it was there when the work began") from None
 
 
 @lru_cache(maxsize=256)
@@ -133,9 +137,7 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
     target : path
         The file.
     """
-    import h5py  # slow to import; --help must stay fast
-
-    with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
+    with atomic_path(target) as temporary, new_hdf5(temporary) as file:
         for group, dataset in groups.items():
             write_group(file.require_group(group), dataset)
 

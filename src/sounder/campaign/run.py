@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from erm.common import console
 from erm.common.errors import DataError
 from erm.common.optional import require_library
-from erm.common.outputs import protect_inputs, require_folder
+from erm.common.outputs import locked, protect_inputs, require_folder
 from erm.common.page import Page
 from erm.common.storage import clear_leftovers, open_group
 from erm.evaluation.evaluate_map import evaluate_map
@@ -83,6 +83,11 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
         campaign = load_campaign(campaign)
     out = campaign.out if out is None else Path(out)
     outline = _check_outputs(campaign, out)
+    with locked(out):
+        return _run(campaign, out, outline)
+
+
+def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> CampaignResult:
     jobs, failures = campaign.jobs(out)
     outputs = _outputs(campaign, out)
     protect_inputs(outputs, {*campaign.inputs, *(job.recording.source for job in jobs)})

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from erm.common.errors import DataError
+from erm.common.outputs import locked
 from erm.common.storage import clear_leftovers
 from sounder.options import Options
 from sounder.processing.jobs import Job, merge_failures
@@ -106,7 +107,7 @@ def process(
     Raises
     ------
     DataError
-        The dask scheduler cannot be reached, or dask is not installed.
+        The dask scheduler cannot be reached, dask is not installed, or another process writes into the folder.
 
     Examples
     --------
@@ -140,23 +141,24 @@ def process(
         yield from zip(missing, run(list(missing.values())), strict=True)
 
     parts: dict[int, Outcome] = {}
-    while len(parts) < len(jobs):  # again, if a position failed and left its name to another
-        named: dict[int, tuple[Job, Path]] = {}
-        refused: dict[int, Outcome] = {}
-        for index, job in enumerate(jobs):
-            if index not in parts:
-                try:
-                    named[index] = job, paths.claim(job.recording)
-                except DataError as error:
-                    refused[index] = Outcome(failures=[str(error)])
-        if not named:
-            parts |= refused
-        for index, part in outcomes(named):
-            parts[index] = part
-            if not part.products:
-                paths.release(named[index][1])
-            if progress is not None:
-                progress()
+    with locked(Path(out)):
+        while len(parts) < len(jobs):  # again, if a position failed and left its name to another
+            named: dict[int, tuple[Job, Path]] = {}
+            refused: dict[int, Outcome] = {}
+            for index, job in enumerate(jobs):
+                if index not in parts:
+                    try:
+                        named[index] = job, paths.claim(job.recording)
+                    except DataError as error:
+                        refused[index] = Outcome(failures=[str(error)])
+            if not named:
+                parts |= refused
+            for index, part in outcomes(named):
+                parts[index] = part
+                if not part.products:
+                    paths.release(named[index][1])
+                if progress is not None:
+                    progress()
     ordered = [parts[index] for index in range(len(jobs))]
     sources = [job.recording.source for job in jobs]
     failures = [(failure, source) for part, source in zip(ordered, sources, strict=True) for failure in part.failures]

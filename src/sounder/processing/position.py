@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from erm.common.errors import DataError
+from erm.common.errors import DataError, unforeseen
 from erm.common.storage import open_group, provenance, write_product
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.impulse_response import calibrate, impulse_responses
@@ -75,6 +75,8 @@ def process_position(
         write_product(groups, target)
     except DataError as error:
         return Outcome(failures=[str(error)])
+    except Exception as error:  # whatever is wrong with one position must not end the others
+        return Outcome(failures=[f"{recording.source}: {recording.name}: {unforeseen(error)}"])
     return _outcome(job, target, remarks)
 
 
@@ -89,11 +91,11 @@ def existing_product(job: Job, target: Path, options: Options) -> Outcome | None
         root = open_group(target)
         remarks = read_remarks(open_group(target, "/quality"))
         found = root["position"].values.tolist(), *(root[f"{end}_position"].values.tolist() for end in ("tx", "rx"))
-    except (DataError, KeyError, TypeError, ValueError):  # made by another version, or by other software
+        origin = _provenance(job, options) | {"sounder": recording.sounder.model_dump_json()}
+    except (DataError, KeyError, TypeError, ValueError):  # made by another version or software, or an input is gone
         return None
     # a file can hold many positions, and a description can hold what is in no input: the cut of an antenna
     expected = [recording.name], [recording.tx_position.tolist()], [recording.rx_position.tolist()]
-    origin = _provenance(job, options) | {"sounder": recording.sounder.model_dump_json()}
     if found != expected or any(root.attrs.get(name) != value for name, value in origin.items()):
         return None
     return _outcome(job, target, remarks, already=1)
@@ -201,5 +203,5 @@ def _root(recording: Recording, remarks: list[Remark]) -> xr.Dataset:
 
 def _provenance(job: Job, options: Options) -> dict[str, Any]:
     read = (job.recording.source, job.b2b.source, job.source.layout, job.source.sounder)
-    sources = {path for path in read if path is not None and path.is_file()}
+    sources = {path for path in read if path is not None}
     return provenance("Processed captures of one position", "sounder process", inputs=sources, options=vars(options))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
+from erm.common.hdf5_output import new_hdf5
 from erm.common.storage import atomic_path, provenance
 from sounder.recordings.native import BACK_TO_BACK, RECORDING
 from sounder.recordings.recording import BackToBack, Recording
@@ -32,7 +33,7 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
         The captures are not int16; a native recording holds nothing else.
     """
     inputs = [recording.source] if recording.source.is_file() else []
-    with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
+    with atomic_path(target) as temporary, new_hdf5(temporary) as file:
         file.attrs.update(provenance(f"Raw captures of {recording.name}", history, inputs=inputs))
         file.attrs["kind"] = RECORDING
         file.attrs["position"] = recording.name
@@ -69,7 +70,7 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
 
 def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: Iterable[Path] = ()) -> None:
     """Write a native back-to-back recording, completely or not at all."""
-    with atomic_path(target) as temporary, h5py.File(temporary, "w") as file:
+    with atomic_path(target) as temporary, new_hdf5(temporary) as file:
         file.attrs.update(provenance(b2b.title, history, inputs=inputs))
         file.attrs["kind"] = BACK_TO_BACK
         file.attrs["sounder"] = b2b.sounder.model_dump_json()

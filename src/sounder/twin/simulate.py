@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from erm.common.errors import DataError
+from erm.common.outputs import locked
 from erm.common.storage import provenance, write_product
 from erm.maps.environment import Environment, Slab
 from erm.maps.formats import read_map, write_map
@@ -159,6 +160,11 @@ def simulate(scene: Scene | Path | str, out: Path | str, *, progress: Callable[[
     RX1.h5 ['back-to-back.h5', 'raw', 'truth']
     """
     scene, out = scene if isinstance(scene, Scene) else load_scene(scene), Path(out)
+    with locked(out):
+        return _simulate(scene, out, progress)
+
+
+def _simulate(scene: Scene, out: Path, progress: Callable[[], None] | None) -> list[Path]:
     history = f"sounder simulate {scene.name}"
     environment, b2b = environment_of(scene), back_to_back_of(scene)
     traced = trace_scene(scene, environment)

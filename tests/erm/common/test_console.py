@@ -44,18 +44,26 @@ def test_wrong_usage_is_2(capsys):
 
 
 @pytest.mark.parametrize("bug", [ZeroDivisionError, EOFError])  # typer takes the end of a file for Ctrl-D
-def test_another_error_is_a_bug_and_shows(bug):
+def test_another_error_is_one_line_that_says_where(bug, capsys, monkeypatch):
     def body() -> None:
-        raise bug
+        raise bug("half\na line")
 
+    assert exit_code(body) == 1
+    (line,) = capsys.readouterr().err.split("\n")[-2:-1]  # typer ends the line that was being typed
+    assert line.startswith(f"unforeseen {bug.__name__} at test_console.py:")
+    monkeypatch.setattr(console, "_with_traceback", console.Event())
+    console._with_traceback.set()  # the option --traceback
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(body)
-    old, sys.argv = sys.argv, ["x"]
-    try:
-        with pytest.raises(bug):
-            console.run(app)
-    finally:
-        sys.argv = old
+    monkeypatch.setattr(sys, "argv", ["x"])
+    with pytest.raises(bug):
+        console.run(app)
+
+
+def test_names_do_not_steer_the_terminal(capsys):
+    console.show(["name"], [("RX1\n\x1b[31mall done",)])
+    assert capsys.readouterr().out == "name\nRX1\\n\\x1b[31mall done\n"
+    assert str(DataError("a\x1b[31m.h5: \u202ebad")) == "a\\x1b[31m.h5: \\u202ebad"
 
 
 def test_complaints_go_to_stderr_and_exit_with_1(capsys):

@@ -1,6 +1,8 @@
 """Environment as GeoPackage for GIS programs, in local metres; needs the extra ``gis``."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -33,7 +35,7 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
         for kind, end in zip(columns["kind"], ends, strict=True)
     ]
     fields = [columns[name].astype(object) if columns[name].dtype.kind == "U" else columns[name] for name in DEFAULTS]
-    with atomic_path(path) as temporary:
+    with atomic_path(path) as temporary, _written(path, len(shapes), temporary):
         pyogrio.raw.write(
             temporary,
             geometry=np.array([shape.wkb for shape in shapes], dtype=object),
@@ -45,6 +47,19 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
             crs=LOCAL_METRES,
             layer_metadata={"environment": json.dumps(scene, allow_nan=False)},
         )
+
+
+@contextmanager
+def _written(path: Path, count: int, temporary: Path) -> Iterator[None]:
+    """Raise an error where GDAL could not write everything; it raises errors of many types, or prints them only."""
+    pyogrio = library(path)
+    try:
+        yield
+        there = pyogrio.read_info(temporary, layer=LAYER)["features"]
+    except Exception as error:
+        raise DataError(f"{path}: cannot be written ({error}); is the disk full?") from None
+    if there != count:
+        raise DataError(f"{path}: {there} of {count} reflectors could be written; is the disk full?")
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
