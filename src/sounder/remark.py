@@ -87,13 +87,13 @@ class Code(Enum):
         "I and Q are exchanged, or Q has the wrong sign, in the recording or in its back-to-back",
         "exchange them in one of the two",
         advice=True,
-        doubts=("delay",),
+        doubts=("position",),
     )
     QUADRATURE_DELAYED = Meaning(
         "I and Q are a sample apart in the recording or in its back-to-back",
         "export it again",
         advice=True,
-        doubts=("delay",),
+        doubts=("position",),
     )
     NOISE_LEVEL = Meaning(
         "the noise does not have the level of the noise figure",

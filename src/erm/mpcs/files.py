@@ -59,15 +59,17 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
     """
     import xarray as xr
 
+    files = list(map(Path, paths))
+    trusted = _shared_doubts(files)
     tables, problems, seen = [], [], set()
     known: set[bytes] = set()
-    for path in map(Path, paths):
+    for path in files:
         if path.resolve() in seen:
             problems.append(f"{path}: given twice; counted once")
             continue
         seen.add(path.resolve())
         try:
-            table, broken = read_csv(path) if path.suffix.lower() == ".csv" else read_product(path)
+            table, broken = read_csv(path) if path.suffix.lower() == ".csv" else read_product(path, trusted)
         except DataError as error:
             problems.append(str(error))
             continue
@@ -80,6 +82,26 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
         tables.append(table.isel(mpc=np.flatnonzero(~repeated)))
     joined = xr.concat(tables, dim="mpc") if tables else empty_table()
     return joined, problems
+
+
+SHARED_DOUBTS = ("delay", "azimuth")
+"""What is doubtful in a position by itself, but not if most positions share it: an error of clock or heading that all
+have alike is removed by the calibration of the survey."""
+FEWEST_SHARED = 3
+"""Fewest products that can share a doubt."""
+
+
+def _shared_doubts(paths: Iterable[Path]) -> list[str]:
+    """What most products mark as doubtful."""
+    doubts = []
+    for path in paths:
+        try:
+            doubts += [] if path.suffix.lower() == ".csv" else [str(open_group(path).attrs.get("doubts", "")).split()]
+        except DataError:  # told by the reader
+            continue
+    if len(doubts) < FEWEST_SHARED:
+        return []
+    return [name for name in SHARED_DOUBTS if sum(name in each for each in doubts) > len(doubts) / 2]
 
 
 def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
@@ -127,11 +149,18 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     return table, unknown + problems
 
 
-def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
+def read_product(path: Path | str, trusted: Iterable[str] = ()) -> tuple["xr.Dataset", list[str]]:
     """Read the MPCs of one product of ``sounder process``.
 
     Its attribute ``doubts`` names what the checks of the recording made doubtful. A doubtful gain gets a large standard
     deviation, a doubtful elevation is left out. With a doubtful delay, azimuth or position all rows are left out.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    trusted : iterable of str
+        What is used although it is doubtful.
 
     Returns
     -------
@@ -164,7 +193,7 @@ def read_product(path: Path | str) -> tuple["xr.Dataset", list[str]]:
         | {end: np.ravel(root[end].values) for end in ("tx_position", "rx_position")}
         | columns_of_product(mpc)
     )
-    doubts = str(root.attrs.get("doubts", "")).split()
+    doubts = [name for name in str(root.attrs.get("doubts", "")).split() if name not in trusted]
     if "path_gain" in doubts:
         table["path_gain_std"][:] = UNKNOWN_GAIN_STD
     if "elevation" in doubts:

@@ -38,6 +38,7 @@ from sounder.campaign.result import (
     CampaignResult,
     map_figure,
 )
+from sounder.campaign.survey import remarks_on_survey
 from sounder.figures.files import draw_product, figure_paths, is_up_to_date
 from sounder.parameters.statistics import campaign_statistics
 from sounder.processing.channel_parameters import channel_parameters
@@ -131,7 +132,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
     )
     if outline is not None:
         result.score = evaluate_map(environment, outline, (environment, located))
-    result.failures = [*failures, *problems, *_draw(result)]
+    result.failures = [*failures, *problems, *remarks_on_survey(outcome.products), *_draw(result)]
     fill_page(result, page)
     page.write()
     return result

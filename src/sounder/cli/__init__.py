@@ -150,6 +150,7 @@ def process(
 ) -> None:
     """Process raw recordings to impulse responses, DAPS and MPCs."""
     require_folder(out)
+    from sounder.campaign.survey import remarks_on_survey
     from sounder.processing.jobs import gather
     from sounder.processing.pipeline import process
 
@@ -160,7 +161,7 @@ def process(
             jobs, out, options=options, threads=threads, workers=workers, scheduler=scheduler, progress=advance
         )
     print(f"{out}: {console.counted(len(outcome.products), 'product')}")
-    _report(outcome.notes, [*failures, *outcome.failures])
+    _report(outcome.notes, [*failures, *outcome.failures, *remarks_on_survey(outcome.products)])
 
 
 @app.command()
