@@ -5,16 +5,26 @@ without; whatever remains uncertain is told by attributes of the mended table.
 """
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from erm.common.constants import c
-from erm.geometry.vertical import FloatArray
+from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs.standard_errors import SIGMAS
-from erm.mpcs.table import free_space_gain
-from erm.survey.direct_paths import USUAL_CLOCK, USUAL_HEADING, DirectPaths, find_direct_paths
+from erm.survey.direct_paths import (
+    SPREADS,
+    USUAL_CLOCK,
+    USUAL_HEADING,
+    DirectPaths,
+    direct_paths_at,
+    find_direct_paths,
+    latest_clock,
+)
+from erm.survey.gains import USUAL_GAIN, gain_offset
+from erm.survey.image_fit import fit_images
 from erm.survey.observations import Observations
+from erm.survey.sharpness import Sharpness
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,12 +32,20 @@ if TYPE_CHECKING:
 NAMES = ("heading", "clock", "gain")
 """Order of the common errors in covariances."""
 UNITS = {"heading": "degree", "clock": "s", "gain": "dB"}
-USUAL = {"heading": USUAL_HEADING, "clock": USUAL_CLOCK / c, "gain": 3.0}
+USUAL = {"heading": USUAL_HEADING, "clock": USUAL_CLOCK / c, "gain": USUAL_GAIN}
 """Half of the common errors are below these; scales of Cauchy priors."""
-LEAST_PATHS = 5.0
-"""Fewest direct paths that are believed alone: fewer agree by chance."""
+CERTAIN_DIRECT = 8.0
+"""Number of direct paths that are believed without looking at images."""
 LEAST_EVIDENCE = 5.0
 """Least log-likelihood ratio of each direct path to another path: images agree by chance, but not so well."""
+FEWEST_DIRECT = 3
+"""Fewest direct paths that make a heading certain, together with images."""
+MOST_VOTES = 3
+"""Votes of direct paths that are compared with images; chosen for time."""
+MARGIN = 10.0
+"""Least log-likelihood ratio to another heading."""
+OTHER_HEADING = 3.0
+"""Difference of headings that are not the same [degree]."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +63,8 @@ class Calibration:
     """Log-likelihood ratio to a table without direct paths."""
     direct_paths: int = 0
     """Number of direct paths behind it."""
+    images: int = 0
+    """Number of common mirror images behind it."""
 
     def std(self, name: str) -> float:
         """Standard error of one of the three."""
@@ -83,6 +103,9 @@ class Calibration:
 def calibrate(table: "xr.Dataset") -> Calibration:
     """Estimate the errors of heading, clock and gain that all measurements share.
 
+    Direct paths (`erm.survey.direct_paths`) and the sharpness of mirror images (`erm.survey.sharpness`) find the most
+    likely heading and clock; a fit to both (`erm.survey.image_fit`) gives their values and covariance.
+
     Parameters
     ----------
     table : xarray.Dataset
@@ -103,10 +126,68 @@ def calibrate(table: "xr.Dataset") -> Calibration:
     True
     """
     seen = Observations.of(table)
-    found = find_direct_paths(seen)
-    if not found or found[0].number < LEAST_PATHS or found[0].evidence < LEAST_EVIDENCE * found[0].number:
-        return Calibration(covariance=np.diag([USUAL[name] ** 2 for name in NAMES]))
-    return _from_direct_paths(seen, found[0])
+    if not len(seen.link):
+        return Calibration()
+    start = _start(seen)
+    direct, spreads = start.direct, (start.direct.clock_spread, start.direct.heading_spread)
+    likely = direct.weight > 0.5
+    fit = fit_images(seen, direct.heading, direct.clock, spreads, likely)
+    enough = np.count_nonzero(likely) >= FEWEST_DIRECT
+    if fit is None or not (enough or start.distinct):
+        gain, gain_std = gain_offset(seen, 0.0, likely & False)
+        covariance = np.diag([USUAL["heading"] ** 2, USUAL["clock"] ** 2, gain_std**2])
+        return Calibration(gain=gain, covariance=covariance, evidence=direct.evidence)
+    gain, gain_std = gain_offset(seen, fit.clock, likely)
+    covariance = np.zeros((3, 3))
+    covariance[:2, :2] = fit.covariance / np.outer([1, c], [1, c])
+    covariance[2, 2] = gain_std**2
+    # worse than a single measurement: nothing that is worth its name
+    single = {
+        "heading": float(np.median(np.hypot(seen.azimuth_std, spreads[1]))),
+        "clock": float(np.median(np.hypot(seen.length_std, spreads[0]))) / c,
+        "gain": USUAL["gain"],
+    }
+    return Calibration(
+        heading=fit.heading,
+        clock=fit.clock / c,
+        gain=gain,
+        covariance=covariance,
+        ambiguous=tuple(name for i, name in enumerate(NAMES) if covariance[i, i] > single[name] ** 2),
+        evidence=start.evidence,
+        direct_paths=int(np.count_nonzero(likely)),
+        images=fit.images,
+    )
+
+
+class _Start(NamedTuple):
+    """Most likely heading and clock."""
+
+    evidence: float
+    direct: DirectPaths
+    distinct: bool
+    """Whether no other heading is nearly as likely."""
+
+
+def _start(seen: Observations) -> _Start:
+    """Find the most likely heading and clock by direct paths and by the sharpness of images."""
+    votes = find_direct_paths(seen)
+    best = votes[0]
+    if best.number >= CERTAIN_DIRECT and best.evidence > LEAST_EVIDENCE * best.number:
+        return _Start(best.evidence, best, True)
+    found = []
+    latest = latest_clock(seen)
+    for spreads in SPREADS:
+        sharpness = Sharpness(seen, *spreads)
+        tried = [(peak.clock, peak.heading) for peak in sharpness.search(latest)]
+        tried += [(one.clock, one.heading) for one in votes[:MOST_VOTES]]
+        for clock, heading in tried:
+            direct = direct_paths_at(seen, clock, heading, spreads)
+            evidence = sharpness.evidence(direct.clock, direct.heading) + direct.evidence
+            found.append((evidence, direct))
+    found.sort(key=lambda one: -one[0])
+    evidence, direct = found[0]
+    others = [one[0] for one in found if abs(angle_difference(one[1].heading, direct.heading)) > OTHER_HEADING]
+    return _Start(evidence, direct, evidence - max(others, default=0.0) > MARGIN)
 
 
 def apply(table: "xr.Dataset", calibration: Calibration) -> "xr.Dataset":
@@ -133,29 +214,3 @@ def apply(table: "xr.Dataset", calibration: Calibration) -> "xr.Dataset":
     attributes |= {f"common_{name}_std": remaining[name] for name in NAMES}
     mended = {column: values.assign_attrs(table[column].attrs) for column, values in mended.items()}
     return table.assign(mended).assign_attrs(attributes)
-
-
-def _from_direct_paths(seen: Observations, found: DirectPaths) -> Calibration:
-    """Calibration by direct paths, and the gain that they show."""
-    weight = found.weight
-    clock_std, heading_std = (
-        np.hypot(seen.length_std, found.clock_spread),
-        np.hypot(seen.azimuth_std, found.heading_spread),
-    )
-    clock, heading = (1 / np.sqrt(np.sum(weight / std**2)) for std in (clock_std, heading_std))
-    rows = np.flatnonzero((weight > 0.5) & np.isfinite(seen.gain))
-    gain, gain_std = 0.0, USUAL["gain"]
-    if len(rows) >= LEAST_PATHS:
-        excess = seen.gain[rows] - free_space_gain(seen.length[rows] - found.clock, seen.frequency[rows])
-        gain = float(np.median(excess))
-        # the standard error of a median is 1.25 that of a mean
-        gain_std = float(1.25 * 1.4826 * np.median(np.abs(excess - gain)) / np.sqrt(len(rows)) + 0.1)
-    return Calibration(
-        heading=found.heading,
-        clock=found.clock / c,
-        gain=gain,
-        covariance=np.diag([heading**2, (clock / c) ** 2, gain_std**2]),
-        ambiguous=(),
-        evidence=found.evidence,
-        direct_paths=len(rows),
-    )

@@ -25,6 +25,7 @@ from erm.survey.direct_paths import (
     find_direct_paths,
     one_sided_evidence,
 )
+from erm.survey.gains import CLEAR_STD, offset_likelihood
 from erm.survey.observations import Observations
 
 if TYPE_CHECKING:
@@ -42,14 +43,6 @@ MOST_CHANGES = 4
 """Most conventions that are wrong at a time."""
 MAX_LINKS = 25
 """Antenna pairs that are looked at; chosen for time."""
-USUAL_GAIN = 3.0
-"""Half of all tables have gains that are wrong by less [dB]: scale of a Cauchy prior; chosen."""
-CLEAR_STD = 1.5
-"""Deviation of gains of direct paths from free space [dB]: antenna patterns and the ground; chosen."""
-CLEAR_SHARE = 0.7
-"""Share of direct paths that are not obstructed; the others lose up to `OBSTRUCTION`; chosen."""
-OBSTRUCTION = 25.0
-"""Largest loss of an obstructed direct path [dB]."""
 
 
 LOWEST_FREQUENCY, UNUSUAL = 1e6, -7.0
@@ -256,12 +249,7 @@ def _gain_evidence(seen: Observations, direct: DirectPaths, likely: npt.NDArray[
         return 0.0
     extent = np.nanmax(seen.gain) - np.nanmin(seen.gain) + 10 * CLEAR_STD
     excess = seen.gain[known] - free_space_gain(seen.length[known] - direct.clock, seen.frequency[known])
-    away = excess[:, None] - excess  # every path is tried as the one that is clear
-    clear = np.exp(-((away / CLEAR_STD) ** 2) / 2) / (CLEAR_STD * np.sqrt(2 * np.pi))
-    obstructed = ((away < 0) & (away > -OBSTRUCTION)) / OBSTRUCTION
-    ratio = 0.05 + extent * (CLEAR_SHARE * clear + (1 - CLEAR_SHARE) * obstructed)
-    evidence = np.log(ratio).sum(axis=0) - np.log1p((excess / USUAL_GAIN) ** 2)
-    return float(evidence.max())
+    return float((np.log(extent) * len(excess) + offset_likelihood(excess)).max())
 
 
 def _fewer_links(seen: Observations) -> Observations:

@@ -106,6 +106,24 @@ def find_direct_paths(seen: Observations, most: int = 8) -> list[DirectPaths]:
     return distinct[:most]
 
 
+def direct_paths_at(seen: Observations, clock: float, heading: float, spreads: tuple[float, float]) -> DirectPaths:
+    """Direct paths near a pair of clock [m] and heading [degree]; none if the votes near it lead away from it.
+
+    Without any, the evidence is that of the prior, and of paths that would be shorter than the direct one.
+    """
+    votes = _Votes(seen)
+    found = votes.maximise(clock, heading, *spreads)
+    nothing = votes.evidence(clock, heading, *spreads, 0.0)
+    if not _same(clock, heading, found, 4.0) or found.evidence < nothing:
+        return DirectPaths(clock, heading, *spreads, np.zeros(len(seen.link)), nothing)
+    return found
+
+
+def latest_clock(seen: Observations) -> float:
+    """Clock [m] beyond which more than a few paths would be shorter than the direct one."""
+    return float(np.quantile(seen.excess_length + 3 * seen.length_std, FALSE_MPCS))
+
+
 def one_sided_evidence(seen: Observations) -> float:
     """Log-likelihood ratio to a table without direct paths, from the lengths alone or from the azimuths alone.
 
@@ -151,7 +169,7 @@ class _Votes:
         weight *= np.maximum(agreement, LEAST_ELEVATION_AGREEMENT)
         self.weight = weight
         few = np.unique(np.linspace(0, links - 1, min(links, MAX_LINKS)).astype(int))
-        promising = np.isin(seen.link, few) & (first | strongest | (_rank(seen.length, seen.link) < 3))
+        promising = np.isin(seen.link, few) & (first | strongest | (rank(seen.length, seen.link) < 3))
         self.candidates: IntArray = np.flatnonzero(promising)
 
     def ratios(self, clock: float, heading: float, clock_std: FloatArray, heading_std: FloatArray) -> FloatArray:
@@ -182,6 +200,8 @@ class _Votes:
             pair = 1 - share + np.bincount(self.seen.link, ratio, minlength=links)
             weight = ratio / pair[self.seen.link]
             total = weight.sum()
+            if not total > 0:
+                break
             before = clock, heading
             clock += np.average(self.clock - clock, weights=weight / clock_std**2)
             heading += np.average(angle_difference(self.heading, heading), weights=weight / heading_std**2)
@@ -220,7 +240,7 @@ def _extreme(values: FloatArray, link: IntArray, links: int) -> FloatArray:
     return least[link]
 
 
-def _rank(values: FloatArray, link: IntArray) -> IntArray:
+def rank(values: FloatArray, link: IntArray) -> IntArray:
     """Rank (mpc,) within the antenna pair, from the smallest value."""
     order = np.lexsort((values, link))
     starts = np.searchsorted(link[order], np.arange(link.max(initial=-1) + 1))

@@ -1,6 +1,6 @@
 """The columns of an MPC table that tell about errors of a survey, as arrays."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,12 +9,15 @@ import numpy.typing as npt
 from erm.common.constants import c
 from erm.geometry.vertical import FloatArray, angle_difference, azimuth_of
 from erm.mpcs.antenna_pairs import links
-from erm.mpcs.standard_errors import ASSUMED, SMALLEST_ERRORS
+from erm.mpcs.selection import ELEVATION_TOLERANCE
+from erm.mpcs.standard_errors import ASSUMED, SIGMAS, SMALLEST_ERRORS
 from erm.mpcs.table import path_length
 
 if TYPE_CHECKING:
     import xarray as xr
 
+LEAST_FACTOR = 1e-2
+"""Smallest factor of errors that were assumed: residuals may be 0."""
 IntArray = npt.NDArray[np.int64]
 
 
@@ -37,6 +40,8 @@ class Observations:
     azimuth_std: FloatArray
     elevation_std: FloatArray
     """Standard errors (mpc,) [m], [degree]; assumed ones where the table has none."""
+    stated: npt.NDArray[np.bool_]
+    """Whether (mpc,) the standard errors are those of the table."""
     tx: FloatArray
     rx: FloatArray
     """Places (link, 3) of the antennas [m]."""
@@ -66,9 +71,15 @@ class Observations:
             length_std=stds[0] * c,
             azimuth_std=stds[1],
             elevation_std=stds[2],
+            stated=np.isfinite(table["delay_std"].values) & np.isfinite(table["azimuth_std"].values),
             tx=table["tx_position"].values[first],
             rx=table["rx_position"].values[first],
         )
+
+    def with_errors(self, length: float, azimuth: float) -> "Observations":
+        """Return errors that agree with residuals: times factors; those of the table do not become smaller."""
+        factors = [np.where(self.stated, max(one, 1.0), max(one, LEAST_FACTOR)) for one in (length, azimuth)]
+        return replace(self, length_std=self.length_std * factors[0], azimuth_std=self.azimuth_std * factors[1])
 
     @property
     def distance(self) -> FloatArray:
@@ -95,8 +106,17 @@ class Observations:
         """The MPCs of some antenna pairs."""
         number = np.full(len(self.tx), -1)
         number[chosen] = np.arange(len(chosen))
-        rows = number[self.link] >= 0
-        columns = {
-            one.name: getattr(self, one.name)[rows] for one in fields(self) if one.name not in ("link", "tx", "rx")
-        }
-        return Observations(link=number[self.link[rows]], tx=self.tx[chosen], rx=self.rx[chosen], **columns)
+        few = self.of_rows(number[self.link] >= 0)
+        return replace(few, link=number[few.link], tx=self.tx[chosen], rx=self.rx[chosen])
+
+    def of_rows(self, rows: npt.NDArray[np.bool_] | IntArray) -> "Observations":
+        """Some of the MPCs."""
+        columns = [one.name for one in fields(self) if one.name not in ("tx", "rx")]
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
+
+    @property
+    def may_be_off_vertical_walls(self) -> npt.NDArray[np.bool_]:
+        """Whether (mpc,) the elevation is that of a path off vertical walls, or unknown."""
+        climb = (self.tx - self.rx)[self.link, 2]
+        expected = np.rad2deg(np.arcsin(np.clip(climb / np.maximum(self.length, np.abs(climb) + 1e-9), -1, 1)))
+        return ~(np.abs(self.elevation - expected) > ELEVATION_TOLERANCE + SIGMAS * self.elevation_std)

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from erm.common.console import counted
 from erm.mpcs.standard_errors import SIGMAS
 from erm.survey.calibration import NAMES, Calibration
 from erm.survey.conventions import Cause
@@ -58,18 +59,17 @@ def calibration_line(calibration: Calibration, *, as_given: bool = False) -> str
     >>> import numpy as np
     >>> from erm.survey.calibration import Calibration
     >>> covariance = np.diag([0.1, 2e-11, 0.2]) ** 2
-    >>> found = Calibration(5.1, 1e-11, -0.1, covariance, ambiguous=(), direct_paths=12)
-    >>> calibration_line(found)
-    'calibration: heading 5.10 ± 0.10 degrees removed; clock 0.01 ± 0.02 ns; gain -0.10 ± 0.20 dB; from 12 direct paths'
+    >>> found = Calibration(5.1, 1e-11, -0.1, covariance, ambiguous=(), direct_paths=12, images=3)
+    >>> calibration_line(found).split("; ")[::3]
+    ['calibration: heading 5.10 ± 0.10 degrees removed', 'from 12 direct paths and 3 mirror images']
     """
     parts = []
     for name in NAMES:
-        if name in calibration.ambiguous:
-            parts.append(f"{name} not observable")
-            continue
         removed = " removed" if calibration.applied[name] and not as_given else ""
-        parts.append(f"{name} {_shown(calibration, name)}{removed}")
-    parts.append(f"from {calibration.direct_paths} direct paths")
+        unknown = " (not observable)" if name in calibration.ambiguous else ""
+        parts.append(f"{name} {_shown(calibration, name)}{unknown}{removed}")
+    paths, images = (counted(calibration.direct_paths, "direct path"), counted(calibration.images, "mirror image"))
+    parts.append(f"from {paths} and {images}")
     return "calibration: " + "; ".join(parts)
 
 

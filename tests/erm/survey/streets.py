@@ -12,6 +12,11 @@ def street(count: int = 12, seed: int = 1) -> xr.Dataset:
     walls = erm.Environment.walls([[[-60, 10], [60, 10]], [[-60, -12], [60, -12]]], top=40.0)
     receivers = np.column_stack([rng.uniform(8, 50, count), rng.uniform(-9, 8, count), np.full(count, 1.5)])
     table = xr.concat([erm.predict(walls, (0, 0, 9), rx, 132e9) for rx in receivers], dim="mpc")
+    return noisy(table, rng)
+
+
+def noisy(table: xr.Dataset, rng: np.random.Generator) -> xr.Dataset:
+    """Add errors of 0.1 ns and 0.5 degrees, and say so."""
     n = table.sizes["mpc"]
     return table.assign(
         delay=table["delay"] + 1e-10 * rng.standard_normal(n),
