@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from erm.common.errors import DataError
 from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.cir.phase_alignment import align_snapshots, common_offsets
+from sounder.cir.power_average import PowerAverage
 from sounder.instrument.waveform import chips
 from sounder.kernels.compiler.machine import processors
 from sounder.kernels.correlation.clipping import count_rails
@@ -128,13 +130,14 @@ def impulse_responses(
     cir = np.full((*shape, waveform.samples), np.nan + 0j, np.complex64)
     coherence, offset, drift = np.full((3, *shape), np.nan)
     remarks: list[Remark] = []
+    average_of = _averager(averaging, correlator, deembedding)
 
     def average(place: NDArray[np.intp]) -> DirectionAverage:
         blocks = _Blocks(recording, int(place[1]), int(place[0]))
-        return AVERAGING[averaging](blocks, correlator, deembedding)
+        return average_of(blocks)
 
     def average_on_line(place: NDArray[np.intp], offset: float) -> DirectionAverage:
-        return _phase_aligned(_Blocks(recording, int(place[1]), int(place[0])), correlator, deembedding, offset)
+        return _phase_aligned(_Blocks(recording, int(place[1]), int(place[0])), correlator, offset)
 
     with ThreadPoolExecutor(threads or processors()) as pool:
         places = np.argwhere(recording.valid.T)
@@ -243,7 +246,7 @@ class _Blocks:
         return None
 
 
-def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: Deembedding) -> DirectionAverage:
+def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator) -> DirectionAverage:
     sums = correlator.accumulator()
     for captures in blocks:
         sums.add(captures)
@@ -255,28 +258,22 @@ def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: De
     return DirectionAverage(mean, coherence, blocks.problem)
 
 
-def _phase_aligned(
-    blocks: _Blocks, correlator: MSequenceCorrelator, _deembedding: Deembedding, offset: float = 0.0
-) -> DirectionAverage:
+def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, offset: float = 0.0) -> DirectionAverage:
     found = align_snapshots(blocks, correlator, offset=offset)
     if found is None or not blocks.signal:
         return DirectionAverage(None, np.nan, blocks.problem)
     return DirectionAverage(found.mean, found.coherence, blocks.problem, found.aligned, found.offset, found.drift)
 
 
-def _power(blocks: _Blocks, correlator: MSequenceCorrelator, deembedding: Deembedding) -> DirectionAverage:
-    total = np.zeros(correlator.samples)
-    mean = np.zeros(correlator.samples, complex)
-    for captures in blocks:
-        responses = deembedding.apply(correlator.correlate(captures))
-        total += np.sum(np.abs(responses) ** 2, axis=0)
-        mean += responses.sum(axis=0)
-    cir = np.sqrt(total / blocks.snapshots) * np.exp(1j * np.angle(mean))
+def _power(blocks: _Blocks, average: PowerAverage) -> DirectionAverage:
+    cir = average(blocks)
     return DirectionAverage(cir if blocks.signal else None, np.nan, blocks.problem)
 
 
-AVERAGING: dict[Averaging, Callable[[_Blocks, MSequenceCorrelator, Deembedding], DirectionAverage]] = {
-    "coherent": _coherent,
-    "phase-aligned": _phase_aligned,
-    "power": _power,
-}
+def _averager(
+    averaging: Averaging, correlator: MSequenceCorrelator, deembedding: Deembedding
+) -> Callable[[_Blocks], DirectionAverage]:
+    """Average of one direction."""
+    if averaging == "power":
+        return partial(_power, average=PowerAverage(correlator.template, deembedding))
+    return partial(_coherent if averaging == "coherent" else _phase_aligned, correlator=correlator)
