@@ -1,5 +1,7 @@
 """The table of MPCs: the paths found in physical units, with their errors and remarks."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -13,6 +15,8 @@ from sounder.mpc.stated import stated_variance
 DIRECT_TOLERANCE = 1e-9
 """How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]: about a resolution
 cell."""
+WRAPPED_FLAGS = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "within_one_period may_be_a_period_longer"}
+"""Attributes of the CF conventions for ``may_be_wrapped``."""
 
 Real = NDArray[np.float64]
 Paths = NDArray[np.record]
@@ -83,10 +87,13 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
     free_space = 20 * np.log10(c / (4 * np.pi * scan.sounder.carrier.frequency * c * (delay + period)))
     weak = (gain - 2 * std[:, 3] < free_space).astype(np.int8)
     values["may_be_wrapped"] = weak, "1", "1 where free space allows a delay longer by one period"
-    columns = {
+    columns: dict[str, tuple[str, Real, dict[str, Any]]] = {
         name: ("mpc", value, {"units": units, "long_name": long_name})
         for name, (value, units, long_name) in values.items()
     }
+    for name in UNITS:
+        columns[name][2]["ancillary_variables"] = f"{name}_std"
+    columns["may_be_wrapped"][2].update(WRAPPED_FLAGS)
     matrix = (
         ("mpc", "parameter", "other"),
         covariance,

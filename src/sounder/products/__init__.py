@@ -1,0 +1,1 @@
+"""Products in xarray: an engine of ``xarray.open_dataset``, and an accessor with the usual views."""
