@@ -23,6 +23,8 @@ class Meaning(NamedTuple):
     """Unit of figure and bound."""
     fails: bool = True
     """Whether it is a failure of the data (exit code 1), not a note."""
+    leaves_out: bool = False
+    """Whether the direction is left out of DAPS and MPCs."""
     doubts: tuple[str, ...] = ()
     """Quantities of all MPCs of the position that it makes doubtful: columns of the MPC table."""
     of_calibration: bool = False
@@ -32,9 +34,39 @@ class Meaning(NamedTuple):
 class Code(Enum):
     """Every kind of remark, with its meaning."""
 
-    ALL_ZERO = Meaning("all samples are zero", "left out")
-    NOT_FINITE = Meaning("samples are NaN or infinite", "left out")
-    CLIPPED = Meaning("samples are clipped", "lower the receiver gain", advice=True)
+    ALL_ZERO = Meaning("all samples are zero", "left out", leaves_out=True)
+    NOT_FINITE = Meaning("samples are NaN or infinite", "left out", leaves_out=True)
+    CLIPPED = Meaning("samples are clipped", "left out; lower the receiver gain", leaves_out=True)
+    COMPRESSED = Meaning(
+        "samples are compressed: their amplitudes end in a wall", "left out; lower the receiver gain", leaves_out=True
+    )
+    DEAD = Meaning("noise only, far more than in other directions", "left out", unit="dB", leaves_out=True)
+    NOISY = Meaning("more noise than in other directions", "left out", unit="dB", leaves_out=True)
+    NOISE_LOW = Meaning(
+        "less noise than the receiver has: its gain is not the stated one, or the samples are compressed",
+        "left out",
+        unit="dB",
+        leaves_out=True,
+    )
+    REPEATED = Meaning("captures repeat those of an earlier direction", "left out", leaves_out=True)
+    TONE = Meaning("a tone stands out of the spectrum", "left out", unit="dB", leaves_out=True)
+    SNAPSHOTS_SHIFTED = Meaning("snapshots are shifted: samples were lost", "shifted back", unit="sample", fails=False)
+    BURST = Meaning("a snapshot holds a burst of noise", "averaged without it", unit="dB", fails=False)
+    SAMPLES_LOST = Meaning(
+        "samples are missing from a direction of the scan on", "shifted back from there on", unit="sample", fails=False
+    )
+    SLIPPED = Meaning("the direction is shifted against others", "shifted back", unit="sample", fails=False)
+    INCONSISTENT = Meaning(
+        "paths that neighbouring directions see are missing, or none of them sees its paths",
+        "left out",
+        unit="dB",
+        leaves_out=True,
+    )
+    CLOCK_DRIFT = Meaning("the clock drifts over the scan", "removed", unit="ns", fails=False)
+    GAIN_SIGN = Meaning(
+        "noise floors agree with receiver gains of the opposite sign only", "the sign is changed", unit="dB"
+    )
+    GAIN_DRIFT = Meaning("the gain changes during the scan, as the noise shows", "removed", unit="dB", fails=False)
     DIRECTIONS_MISSING = Meaning("directions are missing", "processed without them", fails=False)
     TABLE_FULL = Meaning("more paths than an MPC table holds", "the weakest are left out", fails=False)
     PHASE_DRIFT = Meaning(

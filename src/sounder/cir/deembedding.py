@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
+from sounder.cir.amplitudes import amplitude_wall
 from sounder.cir.matched_filter import MatchedFilter
+from sounder.cir.power_spectrum import noise_power
 from sounder.instrument.description import Sounder
 from sounder.instrument.touchstone import transmission
 from sounder.instrument.waveform import held_template
@@ -51,6 +53,12 @@ class Deembedding:
         template; mean 1.
     sample_rate : float
         [Hz]
+    self_noise : float
+        Noise that a path of power 1 brings along in one snapshot, and receiver noise, in the back-to-back [1]. A path
+        raises the noise floor by no more than this.
+    wall : float
+        Share of the samples of the back-to-back that are close to the largest amplitude [1]; see
+        `sounder.cir.amplitudes.amplitude_wall`.
     """
 
     transfer: Complex
@@ -58,6 +66,8 @@ class Deembedding:
     weight: Real
     noise: Real
     sample_rate: float
+    self_noise: float = 0.0
+    wall: float = 0.0
 
     @cached_property
     def matched_filter(self) -> MatchedFilter:
@@ -144,7 +154,15 @@ def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounde
         weight=kept,
         noise=noise / noise.mean(),
         sample_rate=waveform.sample_rate,
+        self_noise=_self_noise(mean_correlation) * len(b2b.captures),
+        wall=amplitude_wall(b2b.captures[0]),
     )
+
+
+def _self_noise(correlation: Complex) -> float:
+    """Noise floor of a correlation relative to its peak."""
+    power = np.abs(correlation - np.median(correlation.real) - 1j * np.median(correlation.imag)) ** 2
+    return float(noise_power(power) / power.max())
 
 
 def _attenuator(b2b: BackToBack, frequency: Real, inside: NDArray[np.bool_]) -> Complex:

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
+from sounder.cir.amplitudes import WALL, amplitude_wall, component_wall
 from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.cir.phase_alignment import align_snapshots, common_offsets
 from sounder.cir.power_average import PowerAverage
@@ -104,7 +105,7 @@ def impulse_responses(
         ``carrier_offset``, the slope of the phase [degree per snapshot], NaN if the phase is not on a line, and
         ``phase_drift``, its circular standard deviation about the line [degree].
     remarks : list of Remark
-        Directions whose samples are all zero or not finite (left out) or clipped (used).
+        Directions whose samples are all zero or not finite (left out), clipped or compressed (used).
 
     Raises
     ------
@@ -133,11 +134,12 @@ def impulse_responses(
     average_of = _averager(averaging, correlator, deembedding)
 
     def average(place: NDArray[np.intp]) -> DirectionAverage:
-        blocks = _Blocks(recording, int(place[1]), int(place[0]))
+        blocks = _Blocks(recording, int(place[1]), int(place[0]), deembedding.wall)
         return average_of(blocks)
 
     def average_on_line(place: NDArray[np.intp], offset: float) -> DirectionAverage:
-        return _phase_aligned(_Blocks(recording, int(place[1]), int(place[0])), correlator, offset)
+        blocks = _Blocks(recording, int(place[1]), int(place[0]), deembedding.wall)
+        return _phase_aligned(blocks, correlator, offset)
 
     with ThreadPoolExecutor(threads or processors()) as pool:
         places = np.argwhere(recording.valid.T)
@@ -210,8 +212,10 @@ class DirectionAverage(NamedTuple):
 class _Blocks:
     """Captures of one direction in blocks; their health is checked as they are read."""
 
-    def __init__(self, recording: Recording, azimuth: int, elevation: int) -> None:
+    def __init__(self, recording: Recording, azimuth: int, elevation: int, wall: float = 0.0) -> None:
         self._recording = recording
+        self._bound = max(WALL, 4 * wall)
+        self._walls = 0.0, 0.0
         self._place = (azimuth, elevation)
         self.snapshots = recording.snapshots
         self._step = max(BLOCK_BYTES // (4 * recording.sounder.waveform.samples), 1)
@@ -232,6 +236,8 @@ class _Blocks:
             else:
                 self.signal = self.signal or bool(captures.any())
                 self._finite = self._finite and bool(np.isfinite(captures).all())
+            if first == 0:
+                self._walls = component_wall(captures[0]), amplitude_wall(captures[0])
             yield captures
 
     @property
@@ -243,6 +249,9 @@ class _Blocks:
             return Remark(Code.ALL_ZERO)
         if self._clipped > CLIPPED_SHARE * self._numbers:
             return Remark(Code.CLIPPED, figure=self._clipped / self._numbers, bound=CLIPPED_SHARE)
+        if max(self._walls) > self._bound:
+            code = Code.CLIPPED if self._walls[0] > self._walls[1] else Code.COMPRESSED
+            return Remark(code, figure=max(self._walls), bound=self._bound)
         return None
 
 

@@ -67,7 +67,8 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "s
     -------
     xarray.Dataset
         ``daps`` (azimuth, elevation, delay): path gain including the receive antenna [dB]. ``noise_floor`` (azimuth,
-        elevation): mean noise power [dB]. ``pdp`` (delay): omnidirectional, as chosen, boresight gain removed [dB].
+        elevation): mean noise power [dB]. ``valid`` (azimuth, elevation): 0 where nothing was recorded, or where the
+        direction is left out. ``pdp`` (delay): omnidirectional, as chosen, boresight gain removed [dB].
         ``pas`` (azimuth, elevation): power angular spectrum, the sum over the delays that are 6 dB or more above the
         noise floor [dB]. ``coherence``, ``carrier_offset`` and ``phase_drift`` (azimuth, elevation), if ``cir`` has
         them. NaN where nothing was recorded.
@@ -109,6 +110,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "s
         {
             "daps": ((*grid, "delay"), _db(power).astype(np.float32), _attrs("delay-angular power spectrum")),
             "noise_floor": (grid, _db(floor), _attrs("mean noise power")),
+            "valid": (grid, recorded.astype(np.int8), {"long_name": "1 where the direction is used, 0 where not"}),
             "pdp": ("delay", _db(pdp), _attrs(f"omnidirectional power delay profile: {PROFILES[omnidirectional]}")),
             "pas": (grid, _db(pas), _attrs("power angular spectrum, above the noise floor")),
         },

@@ -20,6 +20,7 @@ from sounder.processing.jobs import Job
 from sounder.processing.remarks import remarks_on_position
 from sounder.quality.calibration import check_back_to_back
 from sounder.quality.quadrature import remarks_on_quadrature
+from sounder.quality.check import check_responses
 from sounder.quality.table import read_remarks, tabulate_remarks
 from sounder.recordings.recording import Recording
 from sounder.remark import Remark, doubts, lines
@@ -146,6 +147,7 @@ def process_recording(
         No direction of the recording can be used.
     """
     cir, remarks = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
+    cir, remarks = check_responses(cir, recording, filter_, remarks, trust_all=options.trust_all)
     remarks += remarks_on_quadrature(cir["cir"].values, filter_)
     distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
     mpcs = extract_mpcs(
@@ -157,6 +159,7 @@ def process_recording(
         method=options.method,
         time=recording.time,
     )
+    _widen_delays(mpcs, cir.attrs["drift_std"])
     groups = {"/": _root(recording, remarks), "/daps": _daps(cir, mpcs, recording, filter_, options), "/mpc": mpcs}
     remarks += [*of_calibration, *remarks_on_position(recording, groups, filter_)]
     if not options.trust_all:
@@ -176,6 +179,12 @@ def _daps(
     else:
         spectrum = daps(cir, recording.sounder, omnidirectional=options.omnidirectional)
     return spectrum.assign_attrs(pulse_energy=float(np.sum(np.abs(filter_.pulse) ** 2)))
+
+
+def _widen_delays(mpc: xr.Dataset, std: float) -> None:
+    """Add the standard deviation [s] that all delays of a position have besides."""
+    mpc["delay_std"].values[:] = np.hypot(mpc["delay_std"].values, std)
+    mpc["covariance"].values[:, 0, 0] += std**2
 
 
 def _root(recording: Recording, remarks: list[Remark]) -> xr.Dataset:

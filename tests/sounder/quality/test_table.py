@@ -44,7 +44,7 @@ def test_rows_are_plain_values():
 def test_one_line_for_each_kind():
     assert lines(REMARKS, 108, failures=True) == [
         "samples are clipped (up to 2.0 %) in 2 of 108 directions: (azimuth, elevation) (350, -9), (0, 9); "
-        "lower the receiver gain",
+        "left out; lower the receiver gain",
         f"the MPC at 3 ns: {Code.OVER_FREE_SPACE.action}",
     ]
     assert lines(REMARKS, 108, failures=False) == [f"{Code.TABLE_FULL.text}; {Code.TABLE_FULL.action}"]

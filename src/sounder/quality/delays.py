@@ -1,0 +1,197 @@
+"""Delays of one path in overlapping beams: lost samples, slips of single directions, drift of the clock."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from sounder.quality.beams import Paths
+from sounder.quality.noise_floor import FALSE_ALARM
+
+Real = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+WINDOW = 5
+"""Samples to either side of a path's peak in which other beams are searched for it."""
+SEEN = 30.0
+"""Power over the noise of a peak whose delay is used: 15 dB."""
+CLOSE = 2
+"""The same for single directions that slipped, which is rarely by more than a sample."""
+NEAR = 0.3
+"""Difference of delays that counts as none, or as a whole number of samples [sample]."""
+MIN_PAIRS = 12
+"""Pairs of beams that must show lost samples."""
+MOVED = 0.5
+"""Share of the pairs across a loss that must differ by it, and of those that differ by it that must be across."""
+FAR_SEEN = 3
+"""Strongest paths whose delays are measured in all beams; chosen."""
+LEAST_DRIFT = 0.05
+"""Smallest drift over the scan that is removed [sample]: five times that of clocks which walk by a picosecond a
+direction over 108 directions."""
+
+
+@dataclass(frozen=True)
+class Delays:
+    """Delays of paths in beams.
+
+    Attributes
+    ----------
+    path, beam : array (delay,)
+        Numbers of the path and of the beam.
+    delay : array (delay,)
+        Against the peak in the path's strongest beam [sample].
+    """
+
+    path: Integers
+    beam: Integers
+    delay: Real
+
+    def against_path(self, offset: Real) -> Real:
+        """Delays (delay,) against the median over the beams of a path, with the offsets (beam,) removed."""
+        own = self.delay - offset[self.beam]
+        middle = np.zeros(int(self.path.max(initial=-1)) + 1)
+        for number in np.unique(self.path):
+            middle[number] = np.median(own[self.path == number])
+        against: Real = own - middle[self.path]
+        return against
+
+    def pairs(self) -> tuple[Integers, Integers, Integers]:
+        """Pairs of delays of one path: indices of both, and the path."""
+        first, second = np.nonzero(np.triu(self.path[:, None] == self.path[None, :], 1))
+        return first, second, self.path[first]
+
+
+def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, strict: bool) -> Delays:
+    """Delays of the highest peaks about every path's, by a parabola through three samples in dB.
+
+    A Hann-shaped spectrum has a pulse that is a parabola in dB about its peak, to 0.02 samples.
+
+    Parameters
+    ----------
+    snr : array (beam, delay)
+        Power over the noise of the beam.
+    paths : Paths
+    window : int
+        Samples to either side of the peak in which it is searched for.
+    strict : bool
+        Of the beams about a path, use only those that see it as strong as expected.
+    """
+    size = snr.shape[1]
+    lag = np.arange(-window - 1, window + 2)
+    at = (paths.delay[:, None] + lag) % size
+    around, used = paths.around, paths.around >= 0
+    if strict:
+        used = paths.agree & paths.consistent[:, None]
+    around, used = _with_far_beams(around, used, len(snr))
+    power = snr[np.maximum(around, 0)[..., None], at[:, None, :]]
+    inner = power[..., 1:-1]
+    peak = inner.argmax(axis=-1) + 1
+    left, middle, right = (
+        np.log(np.maximum(np.take_along_axis(power, (peak + step)[..., None], axis=-1)[..., 0], 1e-6))
+        for step in (-1, 0, 1)
+    )
+    curvature = left - 2 * middle + right
+    is_peak = (middle > left) & (middle >= right) & (middle > np.log(SEEN)) & used
+    delay = lag[peak] + 0.5 * (left - right) / np.where(curvature < 0, curvature, -1)
+    path, near = np.nonzero(is_peak)
+    return Delays(path, around[path, near], delay[path, near].astype(float))
+
+
+def _with_far_beams(around: Integers, used: NDArray[np.bool_], beams: int) -> tuple[Integers, NDArray[np.bool_]]:
+    """Beams of each path, and for the strongest paths all other beams, which see them through their sidelobes."""
+    far = np.tile(np.arange(beams), (len(around), 1))
+    near = np.zeros((len(around), beams + 1), bool)
+    np.put_along_axis(near, around, True, axis=1)
+    seen = ~near[:, :beams]
+    seen[FAR_SEEN:] = False
+    return np.hstack([around, far]), np.hstack([used, seen])
+
+
+def lost_samples(delays: Delays, order: Integers) -> tuple[int, int]:
+    """Number of the direction from which on samples are missing, and how many; (0, 0) if none are.
+
+    Two beams that see one path have the same delay before and after a loss, and differ by it across.
+
+    Parameters
+    ----------
+    delays : Delays
+    order : array (beam,)
+        Number of each beam in the order of the scan.
+
+    Returns
+    -------
+    first : int
+        Number in the order of the scan.
+    shift : int
+        Delay of all later directions [sample].
+    """
+    one, other, _ = delays.pairs()
+    number = order[delays.beam]
+    early = np.minimum(number[one], number[other])
+    late = np.maximum(number[one], number[other])
+    difference = (delays.delay[other] - delays.delay[one]) * np.where(number[other] > number[one], 1, -1)
+    same = np.abs(difference) < NEAR
+    best, found = 0, (0, 0)
+    for shift in range(-WINDOW + 1, WINDOW):
+        moved = np.abs(difference - shift) < NEAR
+        if shift == 0 or moved.sum() < MIN_PAIRS:
+            continue
+        # votes for a loss between two directions: +1 from its first to its last possible place
+        votes = np.zeros(order.size + 2)
+        np.add.at(votes, early + 1, moved.astype(float) - same)
+        np.add.at(votes, late + 1, same - moved.astype(float))
+        gain = np.cumsum(votes)
+        first = int(gain.argmax())
+        across = (early < first) & (first <= late)
+        explained = np.sum(moved & across) > MOVED * max(moved.sum(), across.sum())
+        if gain[first] > max(best, MIN_PAIRS) and explained:
+            best, found = int(gain[first]), (first, shift)
+    return found
+
+
+def slips(delays: Delays, beams: int) -> Integers:
+    """Delay (beam,) of each beam against the others [sample]; 0 unless it has slipped by a whole number of samples.
+
+    The delay of a path is the median over its beams; that of a beam the median over its paths. They are found in turn.
+    """
+    offset = np.zeros(beams)
+    for _ in range(3):
+        against = delays.against_path(offset)
+        for beam in np.unique(delays.beam):
+            offset[beam] += np.median(against[delays.beam == beam])
+    whole = np.rint(offset)
+    against = np.abs(delays.against_path(offset))
+    for beam in np.flatnonzero(whole):
+        if abs(offset[beam] - whole[beam]) > NEAR or np.median(against[delays.beam == beam]) > NEAR:
+            whole[beam] = 0
+    return whole.astype(np.int64)
+
+
+def clock_drift(delays: Delays, order: Integers) -> tuple[float, float, float]:
+    """Drift of the clock from a direction of the scan to the next, its standard error, and its bound [sample].
+
+    Least squares over the differences of delays ``d`` and of numbers in the scan ``n`` of all pairs of beams that see a
+    path: ``sum dn dd / sum dn^2``. The pairs of a path depend on each other; the standard error is that of the sums of
+    the paths (Liang and Zeger, Biometrika 73, 1986), and that of few paths is uncertain: the bound is a quantile of
+    Student's distribution.
+    """
+    one, other, path = delays.pairs()
+    apart = (order[delays.beam[other]] - order[delays.beam[one]]).astype(float)
+    difference = delays.delay[other] - delays.delay[one]
+    kept = np.abs(difference) < 1.0
+    slope = 0.0
+    for _ in range(5):  # Huber's weights
+        residual = difference - slope * apart
+        scale = max(1.4826 * float(np.median(np.abs(residual[kept]))), 1e-3) if kept.any() else 1.0
+        weight = np.where(kept, np.minimum(1, 1.5 * scale / np.maximum(np.abs(residual), 1e-9)), 0)
+        total = np.sum(weight * apart**2)
+        if not total:
+            return 0.0, np.inf, np.inf
+        slope = float(np.sum(weight * apart * difference) / total)
+    scores = np.bincount(path, weight * apart * (difference - slope * apart))
+    counted = int(np.count_nonzero(np.bincount(path, weight * apart**2)))
+    if counted < 3:
+        return slope, np.inf, np.inf
+    error = float(np.sqrt(np.sum(scores**2) * counted / (counted - 1)) / total)
+    return slope, error, error * float(student.isf(FALSE_ALARM / 2, counted - 1))

@@ -1,0 +1,126 @@
+"""Noise floors of the directions: what is at the input of the receiver does not depend on where the horn points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from sounder.cir.power_spectrum import NOISE_QUANTILE
+
+Real = NDArray[np.float64]
+
+FALSE_ALARM = 1e-3
+"""Probability that a check of a clean position makes a remark. Some ten checks then stay under 1 %."""
+LEAST_TREND = 1.0
+"""Smallest change of the noise floor over a scan that counts as a change of the gain [dB]: ten times its standard error
+over 108 directions. Chosen; the noise of strong signals changes the floors of some directions by less."""
+DISTINCT_GAIN = 3.0
+"""Difference from the usual gain from which a direction shows the sign of the gains [dB]: ten times the error of a
+floor."""
+MIN_DISTINCT = 3
+"""Fewest such directions; chosen."""
+SIGNAL_TO_PEAK = 13.0
+"""Peak over the floor that noise alone reaches never in practice [dB]: exp(-20) a sample, 2e-6 in a capture of 1022."""
+
+
+def floor_std(noise_density: Real) -> float:
+    """Standard deviation of a noise floor that is a quantile over delay [dB].
+
+    The quantile ``q`` of ``n`` exponential powers has the relative standard deviation
+    ``sqrt(q / ((1 - q) n)) / -ln(1 - q)``. Noise of the density ``S`` has ``n = N mean(S)^2 / mean(S^2)`` independent
+    ones among ``N`` samples.
+
+    Parameters
+    ----------
+    noise_density : array (sample,)
+        Behind the de-embedding filter.
+
+    Examples
+    --------
+    >>> round(floor_std(np.ones(1000)), 2)
+    0.28
+    """
+    independent = noise_density.size * noise_density.mean() ** 2 / np.mean(noise_density**2)
+    relative = np.sqrt(NOISE_QUANTILE / (1 - NOISE_QUANTILE) / independent) / -np.log1p(-NOISE_QUANTILE)
+    return float(10 / np.log(10) * relative)
+
+
+@dataclass(frozen=True)
+class NoiseFloors:
+    """Noise floors of a scan against what the gain settings say.
+
+    Attributes
+    ----------
+    level : float
+        Floor that the directions have in common [dB].
+    excess : array (direction,)
+        Floor of each direction over it [dB]; NaN where nothing was recorded.
+    bound : float
+        Largest excess, of either sign, of a clean direction [dB].
+    fall : float
+        Change of the gain from the first to the last direction [dB], removed from ``excess``; 0 if not significant.
+    sign : int
+        -1 if the floors agree with gains of the opposite sign only; otherwise 1.
+    """
+
+    level: float
+    excess: Real
+    bound: float
+    fall: float
+    sign: int
+
+    @classmethod
+    def of(cls, floor: Real, agc_gain: Real, order: NDArray[np.int64], std: float) -> "NoiseFloors":
+        """Compare floors.
+
+        Parameters
+        ----------
+        floor : array (direction,)
+            Mean noise power at the antenna [dB]: the gains are removed.
+        agc_gain : array (direction,)
+            [dB]
+        order : array (direction,)
+            Number of each direction in the order of the scan.
+        std : float
+            Standard deviation of a clean floor [dB].
+        """
+        known = np.isfinite(floor)
+        bound = std * float(norm.isf(FALSE_ALARM / max(known.sum(), 1) / 2))
+        sign = 1
+        if _follows_gain(floor[known], agc_gain[known]):
+            sign, floor = -1, floor + 2 * agc_gain
+        level, slope = _line(order[known], floor[known])
+        fall = slope * (floor.size - 1)
+        # A trend is a change of the gain only if it explains the floors: a few bad directions are none.
+        residual = floor - level - slope * order
+        if abs(fall) < LEAST_TREND or _scatter(residual[known]) > 2 * std:
+            level, fall = float(np.median(floor[known])), 0.0
+            residual = floor - level
+        return cls(level, residual, bound, fall, sign)
+
+
+def _scatter(values: Real) -> float:
+    """Robust standard deviation."""
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+
+
+def _follows_gain(floor: Real, agc_gain: Real) -> bool:
+    """Whether the floors fall by two decibels for a decibel of gain: it was removed with the wrong sign."""
+    usual = np.median(agc_gain) if agc_gain.size else 0.0
+    other = np.abs(agc_gain - usual) > DISTINCT_GAIN
+    if other.sum() < MIN_DISTINCT:
+        return False
+    level = np.median(floor[~other]) if not other.all() else np.median(floor)
+    slope = float(np.median((floor[other] - level) / (agc_gain[other] - usual)))
+    return abs(slope + 2) < 0.5
+
+
+def _line(x: NDArray[np.int64], y: Real) -> tuple[float, float]:
+    """Line through the medians of the first and the last third: value at 0, and slope."""
+    if x.size < 9:
+        return float(np.median(y)), 0.0
+    ranks = np.argsort(x)
+    first, last = ranks[: x.size // 3], ranks[-(x.size // 3) :]
+    slope = (np.median(y[last]) - np.median(y[first])) / (np.median(x[last]) - np.median(x[first]))
+    return float(np.median(y - slope * x)), float(slope)
