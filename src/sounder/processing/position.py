@@ -19,8 +19,8 @@ from sounder.options import Options
 from sounder.processing.jobs import Job
 from sounder.processing.remarks import remarks_on_position
 from sounder.quality.calibration import check_back_to_back
-from sounder.quality.quadrature import remarks_on_quadrature
 from sounder.quality.check import check_responses
+from sounder.quality.quadrature import remarks_on_quadrature
 from sounder.quality.table import read_remarks, tabulate_remarks
 from sounder.recordings.recording import Recording
 from sounder.remark import Remark, doubts, lines
