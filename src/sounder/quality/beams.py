@@ -39,9 +39,13 @@ MIN_BEAMS = 3
 """Beams that must agree about a path: level and two angles."""
 MIN_SHARE = 0.6
 """Share of the clear beams that must agree about a path."""
-MISSING = 6.0
-"""Power that a path lacks in a beam for it to be missing [dB]. Two paths at one delay and from directions that are a
-beam apart can cancel by as much: that was seen in 1 of 52 clean positions."""
+UNSEEN = 10.0
+"""Power over the noise up to which a beam sees nothing [dB]: exp(-10) = 5e-5 a sample of noise."""
+MISSING = 11.0
+"""Power that a path lacks in a beam for it to be missing, if nothing is seen there [dB]. Two paths at one delay and
+from directions that are a beam apart seldom cancel so far: in 102 clean positions by 9 dB, down to the noise."""
+EXPECTED = 17.0
+"""Expected power over the noise from which a path can be missing [dB]: the fit errs by some decibels."""
 PROFILE = 8.0
 """Power over the noise from which a profile counts: exp(-8) = 3e-4 of the samples of noise."""
 APART = 4
@@ -220,12 +224,13 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     agree = paths.agree & paths.consistent[:, None]
     agrees[paths.around[agree]] = True
     short = paths.expected - paths.seen
-    missing = paths.consistent[:, None] & (paths.around >= 0) & (paths.expected > CLEAR) & (short > MISSING)
+    missing = paths.consistent[:, None] & (paths.around >= 0) & (paths.seen < UNSEEN) & (short > MISSING)
+    missing &= paths.expected > EXPECTED
     np.maximum.at(figure, paths.around[missing], short[missing])
     others = np.sort(np.where(paths.around >= 0, paths.seen, -np.inf)[:, 1:], axis=1)
     if others.shape[1] >= MIN_BEAMS:
         best = others[:, -1]
-        unseen = best < np.minimum(paths.seen[:, 0] - OVERLAP, CLEAR)
+        unseen = best < np.minimum(paths.seen[:, 0] - OVERLAP, UNSEEN)
         np.maximum.at(figure, paths.beam[unseen], (paths.seen[:, 0] - best)[unseen])
     figure = np.where(agrees, 0, figure)
     return np.maximum(figure, _missing_everywhere(paths, snr))
@@ -239,7 +244,7 @@ def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
     three = (paths.delay[0] + np.array([-1, 0, 1])) % snr.shape[1]
     level = 10 * np.log10(np.maximum(snr[:, three].max(axis=1), NOTHING))
     usual = np.quantile(level[used], 0.25)
-    missing = used & (usual > CLEAR + MISSING) & (level < usual - 2 * MISSING)
+    missing = used & (usual > UNSEEN + MISSING) & (level < UNSEEN)
     return np.where(missing, usual - level, 0)
 
 

@@ -20,15 +20,19 @@ CLOSE = 2
 """The same for single directions that slipped, which is rarely by more than a sample."""
 NEAR = 0.3
 """Difference of delays that counts as none, or as a whole number of samples [sample]."""
-MIN_PAIRS = 12
+MIN_PAIRS = 30
 """Pairs of beams that must show lost samples."""
-MOVED = 0.5
+MOVED = 0.75
 """Share of the pairs across a loss that must differ by it, and of those that differ by it that must be across."""
 FAR_SEEN = 3
 """Strongest paths whose delays are measured in all beams; chosen."""
-LEAST_DRIFT = 0.05
-"""Smallest drift over the scan that is removed [sample]: five times that of clocks which walk by a picosecond a
-direction over 108 directions."""
+DRIFT_FALSE_ALARM = FALSE_ALARM / 100
+"""Probability of a drift by chance: the standard error of few paths is too small more often than it should be."""
+MIN_PATHS = 2
+"""Paths that must show the slip of a direction. One alone may be two paths, at delays that differ by a sample."""
+LEAST_DRIFT = 0.1
+"""Smallest drift over the scan that is removed [sample]: eight times that of clocks which walk by a picosecond
+a direction over 108 directions."""
 
 
 @dataclass(frozen=True)
@@ -161,9 +165,11 @@ def slips(delays: Delays, beams: int) -> Integers:
         for beam in np.unique(delays.beam):
             offset[beam] += np.median(against[delays.beam == beam])
     whole = np.rint(offset)
-    against = np.abs(delays.against_path(offset))
+    against = delays.against_path(offset) + offset[delays.beam]
     for beam in np.flatnonzero(whole):
-        if abs(offset[beam] - whole[beam]) > NEAR or np.median(against[delays.beam == beam]) > NEAR:
+        own = against[delays.beam == beam]
+        moved, still = np.abs(own - whole[beam]) < NEAR, np.abs(own) < NEAR
+        if moved.sum() < max(MIN_PATHS, MOVED * own.size) or still.any():
             whole[beam] = 0
     return whole.astype(np.int64)
 
@@ -194,4 +200,4 @@ def clock_drift(delays: Delays, order: Integers) -> tuple[float, float, float]:
     if counted < 3:
         return slope, np.inf, np.inf
     error = float(np.sqrt(np.sum(scores**2) * counted / (counted - 1)) / total)
-    return slope, error, error * float(student.isf(FALSE_ALARM / 2, counted - 1))
+    return slope, error, error * float(student.isf(DRIFT_FALSE_ALARM, counted - 1))
