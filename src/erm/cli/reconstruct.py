@@ -49,17 +49,21 @@ def reconstruct(
     rx_std: Annotated[
         float, typer.Option(min=0.0, help="Standard error of each coordinate of the receivers [m].")
     ] = 0.0,
+    calibrated: Annotated[
+        Path | None, typer.Option(help="Also write the MPCs with the common errors removed (.csv).")
+    ] = None,
     as_given: Annotated[
         bool, typer.Option("--as-given", help="Take azimuths, delays and gains as they are, without calibration.")
     ] = False,
 ) -> None:
     """Reconstruct the walls that reflected the MPCs."""
     inputs = {path for path in (*mpcs, add_to) if path is not None}
-    protect_inputs((out, rps, figure), inputs)
+    protect_inputs((out, rps, figure, calibrated), inputs)
     require_suffix(rps, ".csv")
+    require_suffix(calibrated, ".csv")
     require_suffix(figure, *FIGURES)
     from erm.maps.formats import require_format, write_map
-    from erm.mpcs.files import read_mpcs
+    from erm.mpcs.files import read_mpcs, write_mpcs
     from erm.mpcs.reflection_points import write_reflection_points
     from erm.reconstruction.extend import add_mpcs, read_map_mpcs, with_images
     from erm.reconstruction.make_map import make_map
@@ -85,6 +89,8 @@ def reconstruct(
     write_map(environment, out, mpcs=with_images(table, located))
     if rps:
         write_reflection_points(located, rps)
+    if calibrated:
+        write_mpcs(table.assign({name: located[name] for name in ("delay", "azimuth", "path_gain")}), calibrated)
     if figure:
         _draw(environment, located, figure)
     _print_reflectors(environment)

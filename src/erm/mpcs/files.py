@@ -16,7 +16,7 @@ from erm.common.constants import c
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path, open_group
 from erm.common.text_files import read_table
-from erm.mpcs.standard_errors import SIGMAS
+from erm.mpcs.standard_errors import UNKNOWN_GAIN_STD
 from erm.mpcs.table import OPTIONAL, VALUES, columns_of_product, empty_table, make_table
 
 if TYPE_CHECKING:
@@ -26,13 +26,13 @@ COORDINATES = tuple(f"{end}_{axis}" for end in ("tx", "rx") for axis in "xyz")
 COLUMNS = ("position", "los", *COORDINATES, "frequency", *VALUES)
 """Header of a CSV file; the columns of `OPTIONAL` may follow."""
 PRODUCT = "a product of `sounder process`"
-BLANK_ALLOWED = ("los", "elevation", *OPTIONAL)
-TIMING_TOLERANCE = 1e-9
-"""A path may be this much shorter than the direct one: errors of timing and surveying, 0.3 m [s]; chosen."""
-UNKNOWN_GAIN_STD = 100.0
-"""Standard deviation of a path gain that its product marks as doubtful [dB]: more than paths of a position differ."""
+BLANK_ALLOWED = ("los", "elevation", "path_gain", *OPTIONAL)
+ABSENT_ALLOWED = ("path_gain",)
+"""Columns of `COLUMNS` that a file may lack."""
 MAX_DELAY = 1e-3
 """Longest delay that is accepted, 300 km [s]. A longer one is in a wrong unit."""
+MAX_DELAY_RATIO = 50.0
+"""Length of a typical path over the distance of its antennas, at most; chosen."""
 
 
 def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
@@ -123,8 +123,12 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
         The file is missing, is not text, or lacks a column.
     """
     text = read_table(path, f"CSV with the header {','.join(COLUMNS)}")
-    if missing := [name for name in COLUMNS if name not in text.header]:
-        some = f"has no column {', '.join(missing)}" if len(missing) < len(COLUMNS) else "not an MPC table"
+    if missing := [name for name in COLUMNS if name not in (*text.header, *ABSENT_ALLOWED)]:
+        some = (
+            f"has no column {', '.join(missing)}"
+            if len(missing) < len(COLUMNS) - len(ABSENT_ALLOWED)
+            else "not an MPC table"
+        )
         raise DataError(f"{path}: {some}; expected the header {','.join(COLUMNS)}")
 
     numbers = {
@@ -273,13 +277,21 @@ def _not_positive(numbers: Mapping[str, npt.NDArray[np.float64]], lines: Sequenc
     return problems
 
 
+def _unit_of(delay: npt.NDArray[np.float64], distance: npt.NDArray[np.float64]) -> str:
+    """What the unit of delays may be that are too long: paths are a little longer than the antennas are apart."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.nanmedian(delay * c / distance) if len(delay) else np.nan
+    units = {"nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3}
+    fitting = [unit for unit, factor in units.items() if 0.5 < ratio * factor < MAX_DELAY_RATIO]
+    return f" (as {fitting[0]} they agree with the places of the antennas)" if fitting else ""
+
+
 def _checked(
     table: "xr.Dataset", path: Path | str, rules: Mapping[str, npt.NDArray[np.bool_]], lines: Sequence[int] | None
 ) -> tuple["xr.Dataset", list[str]]:
     """Drop the rows that break a rule; return one line for each broken rule."""
     tx, rx = table["tx_position"].values, table["rx_position"].values
     delay = table["delay"].values
-    early = np.fmax(TIMING_TOLERANCE, SIGMAS * table["delay_std"].values)
     with np.errstate(invalid="ignore"):  # infinite values are caught by the rules
         direct = np.linalg.norm(tx - rx, axis=-1)
         broken = dict(rules) | {
@@ -287,11 +299,8 @@ def _checked(
             "a position is NaN": ~np.isfinite(direct),
             "TX and RX are at the same place": direct < 1e-6,
             "frequency is not positive": ~(table["frequency"].values > 0),
-            "delay, azimuth or path_gain is NaN": ~np.isfinite(
-                delay + table["azimuth"].values + table["path_gain"].values
-            ),
-            "delay is above 1 ms; expected seconds": delay > MAX_DELAY,
-            "delay is shorter than the direct path": delay < direct / c - early,
+            "delay or azimuth is NaN": ~np.isfinite(delay + table["azimuth"].values),
+            f"delay is above 1 ms; expected seconds{_unit_of(delay, direct)}": delay > MAX_DELAY,
         }
     kept = np.ones(table.sizes["mpc"], dtype=bool)
     problems = []

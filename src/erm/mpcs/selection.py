@@ -19,7 +19,7 @@ from erm.mpcs.clusters import clusters
 from erm.mpcs.faces import elevation_excess, with_faces
 from erm.mpcs.options import Threshold
 from erm.mpcs.reasons import Reason
-from erm.mpcs.standard_errors import SIGMAS
+from erm.mpcs.standard_errors import SIGMAS, UNKNOWN_GAIN_STD
 from erm.mpcs.table import free_space_gain, path_length
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ CONSISTENT_LOSS = 20.0
 """Default of ``max_reflection_loss`` for ``consistency`` [dB]; derived in `select`."""
 FIXED_LOSS = 12.0
 """Default of ``max_reflection_loss`` for ``fixed`` [dB]; derived in `select`."""
+TYPICAL_LOSS = 8.0
+"""Loss of a reflection of unknown gain [dB]: concrete at normal incidence."""
 MAX_GAIN_EXCESS = 3.0
 """Gain above that of free space up to which a path is possible [dB]: two paths in one resolution cell add up."""
 MIN_DELAY_EXCESS = 1e-9
@@ -125,7 +127,7 @@ def select(
         raise OptionError(f"max_reflection_loss {max_reflection_loss} dB; expected more than 0")
     if not np.isfinite(ground_height):
         raise OptionError(f"ground_height {ground_height} m; expected a finite number")
-    table = _widened(_with_errors(table, delay_std, azimuth_std), rx_std)
+    table = _widened(_with_errors(_with_gains(table), delay_std, azimuth_std), rx_std)
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
     measured = loss = reflection_loss(table)
@@ -224,6 +226,20 @@ def letter_loss_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: 
         line_of_sight = bool(np.any(direct & (link == one)))
         smallest += losses[int(line_of_sight) : int(line_of_sight) + 1].tolist()
     return 2 * min(smallest)
+
+
+def _with_gains(table: "xr.Dataset") -> "xr.Dataset":
+    """Return the table with unknown gains replaced by those of a typical reflection, with an error that says so."""
+    gain = table["path_gain"].values
+    unknown = np.isnan(gain)
+    if not unknown.any():
+        return table
+    assumed = free_space_gain(path_length(table), table["frequency"].values) - TYPICAL_LOSS
+    std = np.where(unknown, UNKNOWN_GAIN_STD, table["path_gain_std"].values)
+    return table.assign(
+        path_gain=("mpc", np.where(unknown, assumed, gain), table["path_gain"].attrs),
+        path_gain_std=("mpc", std, table["path_gain_std"].attrs),
+    )
 
 
 def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: float | None) -> "xr.Dataset":

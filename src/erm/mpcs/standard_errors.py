@@ -31,6 +31,10 @@ MIN_SAMPLE = 5
 """Fewest direct paths for an estimate; chosen."""
 
 
+UNKNOWN_GAIN_STD = 100.0
+"""Standard deviation of a path gain that is unknown or doubtful [dB]: more than the paths of a position differ."""
+
+
 class StandardErrors(NamedTuple):
     """Standard errors of a table that has none, and their source."""
 

@@ -24,6 +24,9 @@ OPTIONAL = {f"{name}_std": unit for name, unit in VALUES.items()} | {
 }
 """Columns that may be absent, and their units."""
 
+SHORTEST = 1e-3
+"""Shortest length of a path [m]: with a wrong clock delays may be negative, and a length of 0 has no gain."""
+
 Columns = Mapping[str, npt.ArrayLike]
 
 
@@ -101,8 +104,8 @@ def columns_of_product(mpc: "xr.Dataset") -> dict[str, npt.NDArray]:
 
 
 def path_length(table: "xr.Dataset") -> npt.NDArray[np.float64]:
-    """Length (mpc,) of each path: delay times the speed of light [m]."""
-    return table["delay"].values * c
+    """Length (mpc,) of each path: delay times the speed of light [m], but at least `SHORTEST`."""
+    return np.maximum(table["delay"].values * c, SHORTEST)
 
 
 def free_space_gain(length: npt.ArrayLike, frequency: npt.ArrayLike) -> npt.NDArray[np.float64]:

@@ -4,6 +4,7 @@ Each value is "measured minus true". A value is removed from a table only where 
 without; whatever remains uncertain is told by attributes of the mended table.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -57,6 +58,8 @@ class Calibration:
     gain: float = 0.0
     covariance: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
     """Covariance (3, 3) of heading, clock and gain."""
+    spreads: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(NAMES, 0.0))
+    """Standard deviations of the errors of single positions, beyond those of their MPCs."""
     ambiguous: tuple[str, ...] = NAMES
     """Names of the errors that the data do not show."""
     evidence: float = 0.0
@@ -134,13 +137,13 @@ def calibrate(table: "xr.Dataset") -> Calibration:
     fit = fit_images(seen, direct.heading, direct.clock, spreads, likely)
     enough = np.count_nonzero(likely) >= FEWEST_DIRECT
     if fit is None or not (enough or start.distinct):
-        gain, gain_std = gain_offset(seen, 0.0, likely & False)
-        covariance = np.diag([USUAL["heading"] ** 2, USUAL["clock"] ** 2, gain_std**2])
-        return Calibration(gain=gain, covariance=covariance, evidence=direct.evidence)
-    gain, gain_std = gain_offset(seen, fit.clock, likely)
+        gain = gain_offset(seen, 0.0, np.zeros(len(likely), dtype=bool))
+        covariance = np.diag([USUAL["heading"] ** 2, USUAL["clock"] ** 2, gain.std**2])
+        return Calibration(gain=gain.offset, covariance=covariance, evidence=direct.evidence)
+    gain = gain_offset(seen, fit.clock, likely)
     covariance = np.zeros((3, 3))
     covariance[:2, :2] = fit.covariance / np.outer([1, c], [1, c])
-    covariance[2, 2] = gain_std**2
+    covariance[2, 2] = gain.std**2
     # worse than a single measurement: nothing that is worth its name
     single = {
         "heading": float(np.median(np.hypot(seen.azimuth_std, spreads[1]))),
@@ -150,8 +153,9 @@ def calibrate(table: "xr.Dataset") -> Calibration:
     return Calibration(
         heading=fit.heading,
         clock=fit.clock / c,
-        gain=gain,
+        gain=gain.offset,
         covariance=covariance,
+        spreads={"heading": spreads[1], "clock": spreads[0] / c, "gain": gain.spread},
         ambiguous=tuple(name for i, name in enumerate(NAMES) if covariance[i, i] > single[name] ** 2),
         evidence=start.evidence,
         direct_paths=int(np.count_nonzero(likely)),
@@ -204,13 +208,21 @@ def apply(table: "xr.Dataset", calibration: Calibration) -> "xr.Dataset":
     -------
     xarray.Dataset
         The mended table. Attributes ``heading_error`` [degree], ``clock_error`` [s], ``gain_error`` [dB] tell what was
-        removed, and ``common_heading_std``, ``common_clock_std``, ``common_gain_std`` what uncertainty remains that all
-        rows share. The latter come from the same paths: they are no independent knowledge.
+        removed; ``common_heading_std``, ``common_clock_std``, ``common_gain_std`` what uncertainty remains that all
+        rows share. They come from the same paths and are no independent knowledge. ``position_heading_std``,
+        ``position_clock_std``, ``position_gain_std`` are the errors of single positions; those of their places are in
+        the first two.
     """
     removed, remaining = calibration.applied, calibration.remaining
     columns = {"heading": "azimuth", "clock": "delay", "gain": "path_gain"}
     mended = {column: table[column] - removed[name] for name, column in columns.items() if removed[name]}
+    # an offset that is roughly known, or different at each position, makes each gain uncertain
+    gain_std = float(np.hypot(remaining["gain"] if removed["gain"] else 0.0, calibration.spreads["gain"]))
+    if gain_std:
+        stated = table["path_gain_std"]
+        mended["path_gain_std"] = (stated.fillna(0.0) ** 2 + gain_std**2) ** 0.5
     attributes = {f"{name}_error": removed[name] for name in NAMES}
     attributes |= {f"common_{name}_std": remaining[name] for name in NAMES}
+    attributes |= {f"position_{name}_std": calibration.spreads[name] for name in NAMES}
     mended = {column: values.assign_attrs(table[column].attrs) for column, values in mended.items()}
     return table.assign(mended).assign_attrs(attributes)

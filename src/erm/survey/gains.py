@@ -5,10 +5,13 @@ therefore ``g + noise``, or less by up to `OBSTRUCTION`; ``g`` is the offset. Wh
 is stronger than free space, and the strongest reflections lose little.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
 from erm.geometry.vertical import FloatArray
+from erm.mpcs.standard_errors import UNKNOWN_GAIN_STD, robust_std
 from erm.mpcs.table import free_space_gain
 from erm.survey.observations import Observations
 
@@ -26,6 +29,9 @@ LEAST_STD = 0.1
 """Smallest standard error of an offset [dB]: antenna patterns are not known better."""
 STRONGEST_LOSS, STRONGEST_LOSS_STD = 4.0, 4.0
 """Loss of the strongest reflections of a table [dB]: grazing ones lose 1, those off concrete at normal incidence 8."""
+LEAST_COMMON, FEWEST_SPREAD = 0.3, 5
+"""Share of direct paths that must agree on a common offset, of at least so many; otherwise each position has its own.
+Chosen: half of what `CLEAR_SHARE` expects."""
 FEWEST = 2
 """Fewest direct paths that show an offset."""
 
@@ -48,8 +54,18 @@ def offset_likelihood(excess: FloatArray) -> FloatArray:
     return np.asarray(np.log(_density(away)).sum(axis=0) - np.log1p((excess / USUAL_GAIN) ** 2))
 
 
-def gain_offset(seen: Observations, clock: float, direct: npt.NDArray[np.bool_]) -> tuple[float, float]:
-    """Offset of the gains, measured minus true, and its standard error [dB].
+class GainOffset(NamedTuple):
+    """Offset of the gains, measured minus true [dB]."""
+
+    offset: float
+    std: float
+    """Standard error."""
+    spread: float = 0.0
+    """Standard deviation of the offsets of single positions, where each has its own."""
+
+
+def gain_offset(seen: Observations, clock: float, direct: npt.NDArray[np.bool_]) -> GainOffset:
+    """Offset of the gains from direct paths, or else from the strongest reflections.
 
     Parameters
     ----------
@@ -62,22 +78,27 @@ def gain_offset(seen: Observations, clock: float, direct: npt.NDArray[np.bool_])
     """
     known = np.isfinite(seen.gain) & (seen.length > clock)
     if not known.any():
-        return 0.0, USUAL_GAIN
+        return GainOffset(0.0, UNKNOWN_GAIN_STD)
     length = np.where(known, seen.length - clock, 1.0)
     excess = seen.gain - free_space_gain(length, seen.frequency)
     if np.count_nonzero(known & direct) < FEWEST:
         strongest = np.full(len(seen.tx), -np.inf)
         np.maximum.at(strongest, seen.link[known], excess[known])
         # a tenth may be stronger: false MPCs, and two paths in one cell
-        return float(np.quantile(strongest[np.isfinite(strongest)], 0.9)) + STRONGEST_LOSS, STRONGEST_LOSS_STD
+        offset = float(np.quantile(strongest[np.isfinite(strongest)], 0.9)) + STRONGEST_LOSS
+        return GainOffset(offset, STRONGEST_LOSS_STD)
     chosen = excess[known & direct]
     offset = float(chosen[np.argmax(offset_likelihood(chosen))])
     for _ in range(10):
         away = chosen - offset
         clear = CLEAR_SHARE * _clear(away) / _density(away)
         offset = float(np.average(chosen, weights=clear))
+    if len(chosen) >= FEWEST_SPREAD and clear.sum() < LEAST_COMMON * len(chosen):
+        offset = float(np.median(chosen))
+        spread = robust_std(chosen - offset)
+        return GainOffset(offset, spread / np.sqrt(len(chosen)), spread)
     variance = np.average((chosen - offset) ** 2, weights=clear)
-    return offset, float(np.sqrt(variance / clear.sum()) + LEAST_STD)
+    return GainOffset(offset, float(np.sqrt(variance / clear.sum()) + LEAST_STD))
 
 
 def _clear(away: FloatArray) -> FloatArray:

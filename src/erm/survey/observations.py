@@ -11,7 +11,6 @@ from erm.geometry.vertical import FloatArray, angle_difference, azimuth_of
 from erm.mpcs.antenna_pairs import links
 from erm.mpcs.selection import ELEVATION_TOLERANCE
 from erm.mpcs.standard_errors import ASSUMED, SIGMAS, SMALLEST_ERRORS
-from erm.mpcs.table import path_length
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,7 +62,7 @@ class Observations:
         ]
         return cls(
             link=link,
-            length=path_length(table),
+            length=table["delay"].values * c,  # may be negative before the clock is known
             azimuth=table["azimuth"].values,
             elevation=table["elevation"].values,
             gain=table["path_gain"].values,

@@ -4,19 +4,31 @@ import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from erm.common.console import counted
+from erm.common.constants import c
+from erm.mpcs.reasons import Reason
 from erm.mpcs.standard_errors import SIGMAS
 from erm.survey.calibration import NAMES, Calibration
 from erm.survey.conventions import Cause
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from erm.maps.environment import Environment
 
+TIMING_TOLERANCE = 1e-9
+"""A path may be this much shorter than the direct one: errors of timing and surveying, 0.3 m [s]; chosen."""
+LOUD_SHARE = 0.1
+"""Share of MPCs above free space that is told: two paths in one cell are rarely more; chosen."""
 SHOWN = {"heading": (1.0, "degrees"), "clock": (1e9, "ns"), "gain": (1.0, "dB")}
 """Factor and unit of each common error, for people."""
 
 
-def attributes(calibration: Calibration, causes: Sequence[Cause], *, as_given: bool) -> dict[str, str | float]:
+def attributes(
+    calibration: Calibration, causes: Sequence[Cause], located: "xr.Dataset", *, as_given: bool
+) -> dict[str, str | float]:
     """Attributes of a map about its survey.
 
     Parameters
@@ -25,6 +37,8 @@ def attributes(calibration: Calibration, causes: Sequence[Cause], *, as_given: b
         From `erm.survey.calibration.calibrate`.
     causes : sequence of Cause
         From `erm.survey.conventions.contradictions`.
+    located : xarray.Dataset
+        Table of `erm.mpcs.selection.select`.
     as_given : bool
         Whether the table was used without calibration.
 
@@ -35,9 +49,10 @@ def attributes(calibration: Calibration, causes: Sequence[Cause], *, as_given: b
         ``_std``: the estimates, measured minus true [degree], [s], [dB]. ``ambiguous``: names of those that the data do
         not show.
     """
+    lines = _large(calibration, as_given=as_given) + [_cause(one) for one in causes] + remarks(located, calibration)
     values: dict[str, str | float] = {
         "calibration": calibration_line(calibration, as_given=as_given),
-        "survey_warnings": json.dumps([*_large(calibration, as_given=as_given), *(_cause(one) for one in causes)]),
+        "survey_warnings": json.dumps(lines),
         "ambiguous": " ".join(calibration.ambiguous),
     }
     for name in NAMES:
@@ -49,6 +64,37 @@ def attributes(calibration: Calibration, causes: Sequence[Cause], *, as_given: b
 def warnings(environment: "Environment") -> list[str]:
     """Lines about what contradicts, from the attributes of a map."""
     return list(json.loads(environment.reflectors.attrs.get("survey_warnings", "[]")))
+
+
+def remarks(located: "xr.Dataset", calibration: Calibration) -> list[str]:
+    """Lines about MPCs that contradict the places of the antennas or the frequency, even after calibration.
+
+    Parameters
+    ----------
+    located : xarray.Dataset
+        Table of `erm.mpcs.selection.select`.
+    calibration : Calibration
+        Of the table.
+    """
+    lines = []
+    distance = np.linalg.norm(located["tx_position"].values - located["rx_position"].values, axis=-1)
+    std = np.hypot(located["delay_std"].values, calibration.spreads["clock"])
+    std = np.hypot(std, calibration.remaining["clock"])
+    short = located["delay"].values < distance / c - np.maximum(TIMING_TOLERANCE, SIGMAS * std)
+    if short.any():
+        at = int(np.argmax(short))
+        early = distance[at] / c - located["delay"].values[at]
+        lines.append(
+            f"warning: {short.sum()} of {len(short)} MPCs are shorter than the direct path beyond their errors, the "
+            f"first at {located['position'].values[at]} by {early * 1e9:.2g} ns: not used"
+        )
+    loud = located["reason"].values == Reason.ABOVE_FREE_SPACE
+    if loud.sum() > LOUD_SHARE * len(loud):
+        lines.append(
+            f"warning: {loud.sum()} of {len(loud)} MPCs are stronger than free space and not used; an offset of all "
+            f"gains of {calibration.gain:.0f} dB would explain it"
+        )
+    return lines
 
 
 def calibration_line(calibration: Calibration, *, as_given: bool = False) -> str:

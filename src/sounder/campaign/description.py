@@ -91,6 +91,7 @@ class Map(Table):
     min_support: Annotated[int, Field(ge=1)] = 3
     ground: float = 0.0
     rx_std: NotNegative = 0.0
+    as_given: bool = False
     origin: Annotated[
         tuple[float, float] | tuple[float, float, float] | None,
         Alternatives("latitude, longitude and, optionally, height"),

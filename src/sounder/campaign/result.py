@@ -87,6 +87,7 @@ class CampaignResult:
             f"{folder}: {products}; {self.already} of {counted(self.positions, 'position')} kept from an earlier run",
             f"map: {self.reflectors}",
             *explain_unused(self.located, self.campaign.map.min_support),
+            str(self.environment.reflectors.attrs["calibration"]),
             f"report: {folder / REPORT}",
         ]
 

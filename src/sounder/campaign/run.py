@@ -24,6 +24,7 @@ from erm.mpcs.files import read_mpcs, write_mpcs
 from erm.mpcs.reflection_points import write_reflection_points
 from erm.reconstruction.extend import with_images
 from erm.reconstruction.make_map import make_map
+from erm.survey.report import warnings
 from sounder.campaign.description import Campaign, load_campaign
 from sounder.campaign.page import fill_page
 from sounder.campaign.result import (
@@ -128,7 +129,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
         located,
         environment,
         outline,
-        notes=outcome.notes,
+        notes=[*outcome.notes, *warnings(environment)],
     )
     if outline is not None:
         result.score = evaluate_map(environment, outline, (environment, located))
@@ -179,6 +180,7 @@ def _make_map(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -
         min_support=options.min_support,
         ground_height=options.ground,
         rx_std=options.rx_std,
+        as_given=options.as_given,
     )
     return replace(environment, georeference=options.georeference), located
 
