@@ -27,14 +27,14 @@ BLOCK_BYTES = 2**20
 """Size of the blocks in which captures are read. They fit the second-level cache of a processor."""
 
 
-def calibrate(b2b: BackToBack, recording: Recording) -> Deembedding:
+def calibrate(b2b: BackToBack, recording: Recording | BackToBack) -> Deembedding:
     """Make the de-embedding filter for a recording from a back-to-back recording.
 
     Parameters
     ----------
     b2b : BackToBack
         Recorded by the same sounder, with an attenuator in place of the antennas.
-    recording : Recording
+    recording : Recording or BackToBack
         Recordings of the same description and scale factor can share the filter.
 
     Returns

@@ -11,6 +11,7 @@ import typer
 from erm.common import console
 from erm.common.outputs import protect_inputs, require_folder
 from sounder.cli.parameters import parameters
+from sounder.cli.verify import verify
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options
 
 app = typer.Typer(
@@ -247,6 +248,7 @@ def score(
 
 
 app.command()(parameters)
+app.command()(verify)
 
 
 def _print_info(tables: Sequence[tuple[Sequence[str], Iterable[Sequence[object]]]], remarks: list[Any]) -> None:
