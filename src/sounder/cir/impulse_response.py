@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from erm.common.errors import DataError
 from sounder.cir.amplitudes import WALL, amplitude_wall, component_wall
 from sounder.cir.deembedding import Deembedding, make_deembedding
-from sounder.cir.phase_alignment import align_snapshots, common_offsets
+from sounder.cir.phase_alignment import AlignedMean, align_snapshots, average_on_line, common_offsets
 from sounder.cir.power_average import PowerAverage
 from sounder.instrument.waveform import chips
 from sounder.kernels.compiler.machine import processors
@@ -137,17 +137,18 @@ def impulse_responses(
         blocks = _Blocks(recording, int(place[1]), int(place[0]), deembedding.wall)
         return average_of(blocks)
 
-    def average_on_line(place: NDArray[np.intp], offset: float) -> DirectionAverage:
+    def on_line(place: NDArray[np.intp], offset: float) -> DirectionAverage:
         blocks = _Blocks(recording, int(place[1]), int(place[0]), deembedding.wall)
-        return _phase_aligned(blocks, correlator, offset)
+        return _on_line(blocks, correlator, offset)
 
     with ThreadPoolExecutor(threads or processors()) as pool:
         places = np.argwhere(recording.valid.T)
         directions = list(pool.map(average, places))
-        offsets = common_offsets(np.array([direction.offset for direction in directions]), recording.snapshots)
-        again = [k for k, direction in enumerate(directions) if not direction.aligned and offsets[k]]
-        for k, direction in zip(again, pool.map(average_on_line, places[again], offsets[again]), strict=True):
-            directions[k] = direction
+        if averaging == "phase-aligned":
+            offsets = common_offsets(np.array([direction.offset for direction in directions]), recording.snapshots)
+            weak = [k for k, direction in enumerate(directions) if direction.mean is None]
+            for k, direction in zip(weak, pool.map(on_line, places[weak], offsets[weak]), strict=True):
+                directions[k] = direction
         for (e, a), direction in zip(places, directions, strict=True):
             if direction.problem:
                 azimuth, elevation = float(recording.azimuth[a]), float(recording.elevation[e])
@@ -198,13 +199,12 @@ class DirectionAverage(NamedTuple):
     """Average over the snapshots of one direction.
 
     ``mean`` (sample,) is the mean correlation, or the CIR if powers are averaged; None if there is no signal. The last
-    three are those of :class:`~sounder.cir.phase_alignment.AlignedMean`.
+    two are those of :class:`~sounder.cir.phase_alignment.AlignedMean`.
     """
 
     mean: NDArray[np.complexfloating] | None
     coherence: float
     problem: Remark | None
-    aligned: bool = True
     offset: float = np.nan
     drift: float = np.nan
 
@@ -267,11 +267,18 @@ def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator) -> DirectionAver
     return DirectionAverage(mean, coherence, blocks.problem)
 
 
-def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator, offset: float = 0.0) -> DirectionAverage:
-    found = align_snapshots(blocks, correlator, offset=offset)
+def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator) -> DirectionAverage:
+    return _of_aligned(blocks, align_snapshots(blocks, correlator))
+
+
+def _on_line(blocks: _Blocks, correlator: MSequenceCorrelator, offset: float) -> DirectionAverage:
+    return _of_aligned(blocks, average_on_line(blocks, correlator, offset))
+
+
+def _of_aligned(blocks: _Blocks, found: AlignedMean | None) -> DirectionAverage:
     if found is None or not blocks.signal:
         return DirectionAverage(None, np.nan, blocks.problem)
-    return DirectionAverage(found.mean, found.coherence, blocks.problem, found.aligned, found.offset, found.drift)
+    return DirectionAverage(found.mean, found.coherence, blocks.problem, found.offset, found.drift)
 
 
 def _power(blocks: _Blocks, average: PowerAverage) -> DirectionAverage:

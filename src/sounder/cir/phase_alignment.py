@@ -1,6 +1,7 @@
 """Averaging over snapshots whose phases are not known: aligned where they can be measured, on a line elsewhere."""
 
 from collections.abc import Iterable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,6 @@ class AlignedMean(NamedTuple):
         Mean correlation.
     coherence : float
         Power of the mean over mean power, at the strongest delay.
-    aligned : bool
-        Whether the phases could be measured. If not, the captures are averaged with phases on a line.
     offset : float
         Slope of the phase over snapshots [rad]; NaN if the phases are not on a line, or could not be measured.
     drift : float
@@ -38,14 +37,11 @@ class AlignedMean(NamedTuple):
 
     mean: Complex
     coherence: float
-    aligned: bool
     offset: float
     drift: float
 
 
-def align_snapshots(
-    blocks: Iterable[Captures], correlator: MSequenceCorrelator, *, offset: float = 0.0
-) -> AlignedMean | None:
+def align_snapshots(blocks: Iterable[Captures], correlator: MSequenceCorrelator) -> AlignedMean | None:
     """Average captures ``x_k = exp(j phi_k) h + noise``, where nothing is known of the phases.
 
     The phases are those of greatest likelihood, see :class:`~sounder.kernels.correlation.aligner.CaptureAligner`. Each
@@ -57,7 +53,52 @@ def align_snapshots(
     In noise alone the likelihood has a maximum too. The phases count as measured if what the captures have in common,
     ``|sum|**2`` less the energy of each, exceeds the most that noise of the same energy ``E`` has: the largest
     eigenvalue of the matrix of inner products of K captures of M independent samples, times K, which is
-    ``K E (1 + sqrt(K / M))**2``. Otherwise the mean is taken with phases on a line, ``phi_k = offset k``.
+    ``K E (1 + sqrt(K / M))**2``.
+
+    Parameters
+    ----------
+    blocks : iterable of array
+        Captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample).
+    correlator : MSequenceCorrelator
+
+    Returns
+    -------
+    AlignedMean or None
+        With the phase of the first snapshot. None if the phases cannot be measured.
+
+    References
+    ----------
+    V. A. Marchenko and L. A. Pastur, Math. USSR Sb. 1(4), 1967: the largest eigenvalue of noise.
+    K. V. Mardia and P. E. Jupp, "Directional Statistics", 2000: von Mises density, circular standard deviation.
+    """
+    aligner = CaptureAligner(correlator.samples, correlator.samples_per_chip)
+    peak = _Peak(aligner, correlator)
+    total = np.zeros(correlator.samples, complex)
+    phasors: list[Complex] = []
+    energy = 0.0
+    for captures in blocks:
+        block = aligner.align(captures)
+        if not block.energy:  # zeros
+            continue
+        phasors.append(block.phasors)
+        total += aligner.combine(captures, block.phasors * _expected_lengths(block, aligner.count, correlator))
+        energy += block.energy * len(block.phasors)
+        peak.add(captures, aligner.total)
+    if not energy:
+        return None
+    common = float(np.linalg.norm(_correlate(correlator, aligner.total))) ** 2
+    common = common / (correlator.samples_per_chip * (correlator.chips + 1)) - energy
+    trace, trace_of_square = _filter_traces(correlator.chips, correlator.samples_per_chip)
+    ratio = aligner.count * trace_of_square / trace**2
+    if not common > (2 * np.sqrt(ratio) + ratio) * energy:
+        return None
+    phases = np.conj(np.concatenate(phasors))
+    mean = _correlate(correlator, total * (phases[0] / aligner.count))
+    return AlignedMean(mean, peak.coherence(mean), *phase_line(phases))
+
+
+def average_on_line(blocks: Iterable[Captures], correlator: MSequenceCorrelator, offset: float) -> AlignedMean | None:
+    """Average captures whose phases are on a line over snapshots, ``phi_k = offset k``.
 
     Parameters
     ----------
@@ -65,52 +106,45 @@ def align_snapshots(
         Captures, int16 (snapshot, sample, 2) or complex64 (snapshot, sample).
     correlator : MSequenceCorrelator
     offset : float
-        Slope of the phase where it cannot be measured [rad].
+        [rad]
 
     Returns
     -------
     AlignedMean or None
-        With the phase of the first snapshot. None if all samples are zero.
-
-    References
-    ----------
-    V. A. Marchenko and L. A. Pastur, Math. USSR Sb. 1(4), 1967: the largest eigenvalue of noise.
-    K. V. Mardia and P. E. Jupp, "Directional Statistics", 2000: von Mises density, circular standard deviation.
+        Offset and drift are NaN: not measured. None if all samples are zero.
     """
-    spc = correlator.samples_per_chip
-    aligner = CaptureAligner(correlator.samples, spc)
-    measured, on_line = np.zeros((2, correlator.samples), complex)
-    phasors: list[Complex] = []
-    powers: list[NDArray[np.float64]] = []
-    energies = []
-    strongest = -1
+    aligner = CaptureAligner(correlator.samples, correlator.samples_per_chip)
+    peak = _Peak(aligner, correlator)
+    total: Complex = np.zeros(correlator.samples, complex)
+    count = 0
     for captures in blocks:
-        first = aligner.count
-        block = aligner.align(captures)
-        if not block.energy:  # zeros
-            continue
-        phasors.append(block.phasors)
-        measured += aligner.combine(captures, block.phasors * _expected_lengths(block, aligner.count, correlator))
-        on_line += aligner.combine(captures, np.exp(-1j * offset * np.arange(first, aligner.count)))
-        energies.append(block.energy * len(block.phasors))
-        if strongest < 0:
-            strongest = int(np.argmax(np.abs(_correlate(correlator, aligner.total))))
-            template = np.roll(correlator.template, strongest).astype(complex)
-        powers.append(np.abs(aligner.project(captures, template)) ** 2)
-    count, energy = aligner.count, float(np.sum(energies))
-    if not energy:
+        total += aligner.combine(captures, np.exp(-1j * offset * np.arange(count, count + len(captures))))
+        count += len(captures)
+        peak.add(captures, total)
+    if not total.any():
         return None
-    phases = np.conj(np.concatenate(phasors))
-    common = np.linalg.norm(_correlate(correlator, aligner.total)) ** 2 / (spc * (correlator.chips + 1)) - energy
-    trace, trace_of_square = _filter_traces(correlator)
-    ratio = count * trace_of_square / trace**2
-    aligned = bool(common > (2 * np.sqrt(ratio) + ratio) * energy)
-    total: Complex = measured * phases[0] if aligned else on_line
-    mean = _correlate(correlator, total / count)
-    coherence = float(np.abs(mean[strongest]) ** 2 / np.concatenate(powers).mean())
-    if not aligned:
-        return AlignedMean(mean, coherence, False, np.nan, np.nan)
-    return AlignedMean(mean, coherence, True, *phase_line(phases))
+    average: Complex = total / count
+    mean = _correlate(correlator, average)
+    return AlignedMean(mean, peak.coherence(mean), np.nan, np.nan)
+
+
+class _Peak:
+    """Power of single captures at the delay that is strongest in the sum of the first block."""
+
+    def __init__(self, aligner: CaptureAligner, correlator: MSequenceCorrelator) -> None:
+        self._aligner, self._correlator = aligner, correlator
+        self._powers: list[NDArray[np.float32]] = []
+
+    def add(self, captures: Captures, total: Complex) -> None:
+        """Add a block; ``total`` is the sum of the captures so far."""
+        if not self._powers:
+            self._delay = int(np.argmax(np.abs(_correlate(self._correlator, total))))
+            self._template = np.roll(self._correlator.template, self._delay).astype(np.complex64)
+        self._powers.append(np.abs(self._aligner.project(captures, self._template)) ** 2)
+
+    def coherence(self, mean: Complex) -> float:
+        """Power of the mean over mean power."""
+        return float(np.abs(mean[self._delay]) ** 2 / np.concatenate(self._powers).mean())
 
 
 def phase_line(phasors: Complex) -> tuple[float, float]:
@@ -177,17 +211,22 @@ def _expected_lengths(block: AlignedBlock, count: int, correlator: MSequenceCorr
     others = np.maximum(np.abs(block.products).astype(float) - block.energy, 0)
     signal = np.mean(others) / max(count - 1, 1)
     rounding = float(np.finfo(np.float32).eps)
-    noise = np.maximum(1 - signal / block.energy, rounding) * block.energy / _filter_traces(correlator)[0]
+    noise = (
+        np.maximum(1 - signal / block.energy, rounding)
+        * block.energy
+        / _filter_traces(correlator.chips, correlator.samples_per_chip)[0]
+    )
     concentration = 2 * signal * (count - 1) * others / (noise * block.reference_energy)
     return i1e(concentration) / i0e(concentration)
 
 
-def _filter_traces(correlator: MSequenceCorrelator) -> tuple[float, float]:
+@cache
+def _filter_traces(chips: int, spc: int) -> tuple[float, float]:
     """Traces of the filter ``F`` of `sounder.kernels.correlation.alignment` and of its square."""
-    lag = np.arange(correlator.samples)
-    floor = 1 / (correlator.chips + 1)
-    triangle = np.maximum(1 - np.minimum(lag, correlator.samples - lag) / correlator.samples_per_chip, 0) - floor
-    return correlator.samples * triangle[0], correlator.samples * float(triangle @ triangle)
+    samples = chips * spc
+    lag = np.arange(samples)
+    row = np.maximum(1 - np.minimum(lag, samples - lag) / spc, 0) - 1 / (chips + 1)
+    return samples * float(row[0]), samples * float(row @ row)
 
 
 def _correlate(correlator: MSequenceCorrelator, capture: Complex) -> Complex:

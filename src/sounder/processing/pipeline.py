@@ -2,11 +2,14 @@
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 from erm.common.errors import DataError
 from erm.common.outputs import locked
 from erm.common.storage import clear_leftovers
+from sounder.kernels.compiler.machine import processors
 from sounder.options import Options
 from sounder.processing.jobs import Job, merge_failures
 from sounder.processing.position import FilterCache, Outcome, existing_product, process_position
@@ -62,6 +65,25 @@ class OutputPaths:
     def release(self, target: Path) -> None:
         """Make a path free again, because nothing was written to it."""
         del self._taken[target]
+
+
+def process_side_by_side(
+    named: Sequence[tuple[Job, Path]], options: Options, *, filters: FilterCache, threads: int
+) -> Iterator[Outcome]:
+    """Process as many positions at a time as there are threads, and yield their outcomes in order.
+
+    Much of a position is serial. So threads are given to positions first, and to the directions of each where there are
+    fewer positions than threads.
+    """
+    if not named:
+        return
+    together = min(threads, len(named))
+    each = partial(process_position, options=options, filters=filters, threads=threads // together)
+    with ThreadPoolExecutor(together) as pool:
+        try:
+            yield from pool.map(each, *zip(*named, strict=True))
+        finally:  # Ctrl-C too: positions that are being processed are completed, others are not begun
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def process(
@@ -128,7 +150,7 @@ def process(
             from sounder.processing.cluster import process_on_workers  # distributed is optional and slow to import
 
             return process_on_workers(named, options, workers=workers, threads=threads, scheduler=scheduler)
-        return (process_position(job, target, options, filters=filters, threads=threads) for job, target in named)
+        return process_side_by_side(named, options, filters=filters, threads=threads or processors())
 
     def outcomes(named: dict[int, tuple[Job, Path]]) -> Iterator[tuple[int, Outcome]]:
         """Yield outcomes with the indices of their jobs: of existing products first."""

@@ -1,6 +1,9 @@
 """One position: from its recording to its product, or to an error."""
 
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from erm.common.errors import DataError, unforeseen
-from erm.common.storage import open_group, provenance, write_product
+from erm.common.storage import open_group, provenance, sha256, write_product
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.impulse_response import calibrate, impulse_responses
 from sounder.cir.power_spectrum import daps
@@ -53,15 +56,17 @@ class FilterCache:
 
     def __init__(self) -> None:
         self._made: dict[tuple[Path, str, float, bool], tuple[Deembedding, list[Remark]]] = {}
+        self._making = threading.Lock()
 
     def get(self, job: Job, *, trust_all: bool = False) -> tuple[Deembedding, list[Remark]]:
         """Filter for a job, and what is wrong with the back-to-back that it is made from."""
         recording = job.recording
         key = (job.b2b.source, recording.sounder.model_dump_json(), recording.scale_factor, trust_all)
-        if key not in self._made:
-            checked = check_back_to_back(job.b2b, recording.sounder, trust_all=trust_all)
-            self._made[key] = calibrate(checked.usable, recording), checked.remarks
-        return self._made[key]
+        with self._making:
+            if key not in self._made:
+                checked = check_back_to_back(job.b2b, recording.sounder, trust_all=trust_all)
+                self._made[key] = calibrate(checked.usable, recording), checked.remarks
+            return self._made[key]
 
 
 def process_position(
@@ -71,7 +76,10 @@ def process_position(
     recording = job.recording
     try:
         filter_, of_calibration = filters.get(job, trust_all=options.trust_all)
-        groups, remarks = process_recording(recording, filter_, options, threads=threads, of_calibration=of_calibration)
+        with _hashed_meanwhile(_inputs(job)):
+            groups, remarks = process_recording(
+                recording, filter_, options, threads=threads, of_calibration=of_calibration
+            )
         groups["/"].attrs.update(_provenance(job, options))
         write_product(groups, target)
     except DataError as error:
@@ -210,7 +218,22 @@ def _root(recording: Recording, remarks: list[Remark]) -> xr.Dataset:
     )
 
 
-def _provenance(job: Job, options: Options) -> dict[str, Any]:
+def _inputs(job: Job) -> set[Path]:
+    """Files that a position is made of."""
     read = (job.recording.source, job.b2b.source, job.source.layout, job.source.sounder)
-    sources = {path for path in read if path is not None}
-    return provenance("Processed captures of one position", "sounder process", inputs=sources, options=vars(options))
+    return {path for path in read if path is not None}
+
+
+@contextmanager
+def _hashed_meanwhile(paths: set[Path]) -> Iterator[None]:
+    """Hash files while they are processed: what one reads from disk, the other finds in memory."""
+    with ThreadPoolExecutor(1) as hashing:
+        hashes = [hashing.submit(sha256, path) for path in paths]
+        yield
+        for each in hashes:
+            each.result()
+
+
+def _provenance(job: Job, options: Options) -> dict[str, Any]:
+    title = "Processed captures of one position"
+    return provenance(title, "sounder process", inputs=_inputs(job), options=vars(options))
