@@ -28,7 +28,14 @@ DOCUMENTS = ["README.md", "CONTRIBUTING.md", "calibration/README.md"]
 DOCUMENTS += sorted(f"docs/{path.relative_to(PROJECT / 'docs')}" for path in (PROJECT / "docs").rglob("*.md"))
 RECEIVERS = {"RX2_L", "RX5_L", "RX7_L", "RX9_L"}  # of the demo: those that the documents name
 READ = (".h5", ".csv", ".toml", ".geojson")
-WRITTEN = ("--out", "--rps", "--figure")  # what follows these is made by the command
+WRITTEN = (
+    "--out",
+    "--rps",
+    "--figure",
+    "--statistics",
+    "--point-data",
+    "--mpcs",
+)  # what follows these is made by the command
 STUDY = "erm letter"  # ten minutes; `tests/sounder/campaign/test_letter_study.py` runs all parts of it
 
 

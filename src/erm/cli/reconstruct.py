@@ -105,7 +105,7 @@ def _draw(environment: "Environment", located: "xr.Dataset", path: Path) -> None
     from erm.figures import plot_map
 
     numbers = [str(i) for i in range(environment.reflectors.sizes["reflector"])]
-    console.save_figure(plot_map(environment, table=located, names=numbers), path)
+    console.save_figure(plot_map(environment, table=located, names=numbers, annotated=True), path)
 
 
 def _print_reflectors(environment: "Environment") -> None:

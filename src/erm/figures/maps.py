@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from erm.figures.map_marks import MAX_NAMED, along_segments, antenna_pairs, draw_pairs, draw_scale, write_names
 from erm.figures.style import PALETTE, draw_points, draw_segments, fit_frame, legend_above, new_axes
 from erm.geometry.vertical import FloatArray
 from erm.maps.environment import Environment
@@ -20,6 +21,7 @@ def plot_map(
     table: "xr.Dataset | None" = None,
     outline: FloatArray | None = None,
     names: Sequence[str] = (),
+    annotated: bool = False,
     ax: "Axes | None" = None,
 ) -> "Axes":
     """Draw a map: walls, poles, antennas, reflection points and a known outline.
@@ -34,6 +36,9 @@ def plot_map(
         Known faces [m]. They do not change the limits of the axes, unless nothing else is drawn.
     names : sequence of str
         Names written beside the reflectors.
+    annotated : bool
+        Also draw a scale bar, an arrow to the north, and of a table the names of its positions, up to
+        :data:`erm.figures.map_marks.MAX_NAMED`, and a line from each RX to its TX.
     ax : matplotlib Axes, optional
         Where to draw; default: a new figure.
 
@@ -75,10 +80,27 @@ def plot_map(
         if not any(map(len, drawn)):
             drawn.append(outline.reshape(-1, 2))
     fit_frame(axes, np.vstack(drawn) if drawn else np.zeros((0, 2)))
-    if environment is not None:
-        _write_names(axes, environment.reflectors["end_points"].values, names, np.vstack(drawn))
+    if drawn:
+        occupied = np.vstack(drawn)
+        if environment is not None:
+            faces = environment.reflectors["end_points"].values
+            occupied = np.vstack([occupied, along_segments(faces)])
+            occupied = write_names(axes, faces, names, occupied, PALETTE["wall"])
+        if annotated:
+            _annotate(axes, environment, table, occupied)
     legend_above(axes)
     return axes
+
+
+def _annotate(axes: "Axes", environment: Environment | None, table: "xr.Dataset | None", occupied: FloatArray) -> None:
+    """Names of positions, which RX belongs to which TX, scale and north."""
+    if table is not None and table.sizes["mpc"]:
+        names, tx, rx = antenna_pairs(table)
+        draw_pairs(axes, tx, rx)
+        if len(names) <= MAX_NAMED:
+            write_names(axes, np.stack([rx, rx], axis=1), names, occupied, PALETTE["RX"])
+    place = None if environment is None else environment.georeference
+    draw_scale(axes, 0.0 if place is None else place.heading)
 
 
 def plot_sensed_points(
@@ -133,40 +155,3 @@ def mark_width(axes: "Axes", start: FloatArray, stop: FloatArray, label: str) ->
         zorder=8,
     )
     return axes
-
-
-def _write_names(axes: "Axes", walls: FloatArray, names: Sequence[str], occupied: FloatArray) -> None:
-    """Write names beside reflectors (reflector, 2, 2), where points (n, 2) leave most room."""
-    from matplotlib.patheffects import withStroke
-
-    axes.apply_aspect()
-    per_metre = 72 / axes.figure.dpi * np.diff(axes.transData.transform([[0, 0], [1, 0]])[:, 0])[0]  # points
-    along = np.linspace(0, 1, 21)[:, None, None]
-    drawn = np.vstack([occupied, (walls[:, 0] + along * (walls[:, 1] - walls[:, 0])).reshape(-1, 2)]) * per_metre
-    for ends, name in zip(walls, names, strict=False):
-        place, shift = _free_place(ends * per_metre, drawn, len(name))
-        drawn = np.vstack([drawn, place + shift])
-        axes.annotate(
-            name,
-            tuple(place / per_metre),
-            tuple(shift),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize="small",
-            color=PALETTE["wall"],
-            path_effects=[withStroke(linewidth=2.5, foreground="white")],
-            zorder=7,
-        )
-
-
-def _free_place(ends: FloatArray, drawn: FloatArray, letters: int) -> tuple[FloatArray, FloatArray]:
-    """Point on a reflector (2 ends, 2) and shift of a name from it where points (n, 2) leave most room."""
-    box = np.array([3.2 * letters, 4.5])  # half of the name's width and height, points
-    angle = np.radians(np.arange(0, 360, 30))
-    shift = (box + 5.0) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    place = ends[0] + np.array([0.5, 0.35, 0.65, 0.1, 0.9])[:, None] * (ends[1] - ends[0])
-    distance = np.abs(place[:, None, None] + shift[None, :, None] - drawn) - box
-    room = np.linalg.norm(np.maximum(distance, 0), axis=-1).min(axis=-1)
-    best = np.unravel_index(np.argmax(np.round(np.minimum(room, 9.0), 6)), room.shape)
-    return place[best[0]], shift[best[1]]

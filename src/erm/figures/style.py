@@ -15,7 +15,7 @@ LINES: dict[str, dict[str, Any]] = {"wall": {"linewidth": 2.6, "zorder": 3}, "tr
 MARKERS: dict[str, dict[str, Any]] = {
     "TX": {"marker": "*", "s": 170, "zorder": 6, "edgecolors": "black", "linewidths": 0.6},
     "RX": {"marker": "h", "s": 34, "zorder": 5, "edgecolors": "white", "linewidths": 0.5},
-    "RP": {"marker": "x", "s": 26, "zorder": 4, "linewidths": 1.2},
+    "RP": {"marker": "x", "s": 14, "zorder": 2, "linewidths": 0.8},  # under the walls that they are on
 }
 CURVES = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 LOG_RATIO = 30.0

@@ -116,7 +116,7 @@ def _draw(
 ) -> None:
     """Draw the map, the CDF of errors, the pairs of DAPS that the letter shows, and the figures of one position."""
     outline = outline_of(truth)
-    console.save_figure(plot_map(environment, table=located, outline=outline), out / "map.png")
+    console.save_figure(plot_map(environment, table=located, outline=outline, annotated=True), out / "map.png")
     accepted = on_walls(located, environment)
     console.save_figure(plot_error_cdf(_errors(accepted, outline)), out / "error_cdf.png")
     advance()

@@ -209,7 +209,7 @@ def _draw(result: CampaignResult) -> list[str]:
 def _draw_map(result: CampaignResult) -> None:
     axes = Figure(figsize=(7.0, 6.0), layout="constrained").add_subplot()
     numbers = [str(i) for i in range(result.environment.reflectors.sizes["reflector"])]
-    plot_map(result.environment, table=result.located, outline=result.outline, names=numbers, ax=axes)
+    plot_map(result.environment, table=result.located, outline=result.outline, names=numbers, annotated=True, ax=axes)
     console.save_figure(axes, result.map_figure)
 
 

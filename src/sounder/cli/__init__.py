@@ -189,6 +189,9 @@ def figures(
     products: Annotated[list[Path], typer.Argument(readable=False, help="Products of `sounder process`.")],
     out: Annotated[Path, typer.Option(help="Folder for the figures.")],
     overlay: Annotated[bool, typer.Option("--overlay", help="Also draw two positions in one polar diagram.")] = False,
+    elevations: Annotated[
+        bool, typer.Option("--elevations", help="Also draw the DAPS with a panel for each elevation.")
+    ] = False,
     file_format: Annotated[FigureFormat, typer.Option("--format", help="File format.")] = "png",
 ) -> None:
     """Draw DAPS, MPCs and PDP of products.
@@ -201,7 +204,9 @@ def figures(
         raise typer.BadParameter(f"--overlay needs two products, got {len(products)}")
     require_folder(out)
     with console.progress("drawing", len(products)) as advance:
-        written, failures = draw_products(products, out, suffix=file_format, overlay=overlay, progress=advance)
+        written, failures = draw_products(
+            products, out, suffix=file_format, overlay=overlay, elevations=elevations, progress=advance
+        )
     print(f"{out}: {console.counted(len(written), 'figure')}")
     console.report_failures(failures)
 

@@ -26,6 +26,7 @@ def draw_products(
     *,
     suffix: str = "png",
     overlay: bool = False,
+    elevations: bool = False,
     progress: Callable[[], None] | None = None,
 ) -> tuple[list[Path], list[str]]:
     """Draw the figures of products.
@@ -39,6 +40,8 @@ def draw_products(
         Format of the figures.
     overlay : bool
         Also draw the DAPS of the two products into one polar diagram.
+    elevations : bool
+        Also draw the DAPS with a panel for each elevation.
     progress : callable, optional
         Called after each product.
 
@@ -53,6 +56,7 @@ def draw_products(
     for product in products:
         try:
             written += draw_product(product, out, suffix=suffix)
+            written += draw_elevations(product, out, suffix=suffix) if elevations else []
         except DataError as error:
             failures.append(str(error))
         if progress is not None:
@@ -83,6 +87,28 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
     figures.pdp([(name, daps)], profile.add_subplot())
     paths = figure_paths(product, out, suffix=suffix)
     return [_save(figure, path) for figure, path in zip((polar, cartesian, profile), paths, strict=True)]
+
+
+def draw_elevations(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
+    """Draw the DAPS of a product over delay and azimuth, with a panel for each elevation, the highest on top.
+
+    Returns
+    -------
+    list of Path
+        The file.
+
+    Raises
+    ------
+    DataError
+        The file is not a product, or the folder cannot be written to.
+    """
+    name, daps = _daps(product)
+    angles = np.sort(daps["elevation"].values)[::-1]
+    figure = Figure(figsize=(5.6, 2.6 * len(angles)), layout="constrained")
+    for angle, ax in zip(angles, np.ravel(figure.subplots(len(angles), 1, sharex=True)), strict=True):
+        figures.daps_cartesian(daps, ax, elevation=float(angle)).label_outer()
+    figure.suptitle(name)
+    return [_save(figure, out / f"{product.stem}_elevations.{suffix}")]
 
 
 def figure_paths(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:

@@ -48,6 +48,12 @@ def strongest_elevation(daps: xr.Dataset) -> xr.DataArray:
     return daps["daps"].max("elevation", keep_attrs=True)
 
 
+def elevations_shown(daps: xr.Dataset) -> str:
+    """How elevations are combined, in words: ``strongest of elevations -9, 0, 9°``."""
+    angles = [f"{angle:g}" for angle in np.atleast_1d(daps["elevation"].values)]
+    return f"elevation {angles[0]}°" if len(angles) == 1 else f"strongest of elevations {', '.join(angles)}°"
+
+
 def last_visible_delay(daps: xr.Dataset) -> float:
     """Largest delay at which the power exceeds the noise floor by :data:`VISIBLE_SNR`, and a tenth more [s]."""
     above = (daps["daps"] > daps["noise_floor"] + VISIBLE_SNR).any(("azimuth", "elevation"))
@@ -56,8 +62,10 @@ def last_visible_delay(daps: xr.Dataset) -> float:
     return float(min(1.1 * last, delay[-1]))
 
 
-def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None) -> Axes:
-    """Draw a DAPS over delay and azimuth.
+def daps_cartesian(
+    daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None, elevation: float | None = None
+) -> Axes:
+    """Draw a DAPS over delay and azimuth. The scale says which elevations it shows.
 
     Parameters
     ----------
@@ -66,9 +74,12 @@ def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None)
     ax : matplotlib.axes.Axes
     mpc : xarray.Dataset, optional
         Group ``/mpc``, drawn as circles with their standard deviations of azimuth.
+    elevation : float, optional
+        One elevation of the scan [degree], on the scale of all. Default: the strongest elevation of each azimuth and
+        delay.
     """
-    power = strongest_elevation(daps)
-    top = float(power.max())
+    power = strongest_elevation(daps) if elevation is None else daps["daps"].sel(elevation=elevation)
+    top = float(daps["daps"].max())
     azimuth = power["azimuth"].values
     mesh = ax.pcolormesh(
         power["delay"].values * 1e9,
@@ -80,7 +91,8 @@ def daps_cartesian(daps: xr.Dataset, ax: Axes, *, mpc: xr.Dataset | None = None)
         shading="nearest",
         rasterized=True,
     )
-    _figure(ax).colorbar(mesh, ax=ax, label="Path gain incl. RX antenna (dB)", pad=0.02)
+    shown = elevations_shown(daps) if elevation is None else f"elevation {elevation:g}°"
+    _figure(ax).colorbar(mesh, ax=ax, label=f"Path gain incl. RX antenna (dB)\n{shown}", pad=0.02)
     if mpc is not None and mpc.sizes["mpc"]:
         half = _half_step(azimuth)
         # 358 degrees belongs to the row of 0, which extends from -5 to 5
@@ -137,7 +149,7 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
             _figure(ax).colorbar(
                 drawn,
                 ax=ax,
-                label=f"{name}: path gain incl. RX antenna (dB)",
+                label=f"{name}: path gain incl. RX antenna (dB)\n{elevations_shown(daps)}",
                 location=("right", "left")[index],
                 pad=0.12,
                 shrink=0.8,

@@ -23,3 +23,9 @@ def test_figures_name_what_is_no_product_and_draw_the_rest(campaign, products, t
     assert str(campaign / "raw" / "RX1.h5") in error
     assert error.count("\n") == 1
     assert len(names(tmp_path)) == 3
+
+
+@pytest.mark.slow
+def test_a_panel_for_each_elevation_on_request(products, tmp_path):
+    assert run("figures", products / "RX1.h5", "--elevations", "--out", tmp_path / "out") == 0
+    assert (tmp_path / "out" / "RX1_elevations.png").stat().st_size > 10_000

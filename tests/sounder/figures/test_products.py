@@ -10,6 +10,7 @@ from matplotlib.projections.polar import PolarAxes
 from sounder.figures import products
 
 STEP = 1 / 1.2e9
+COMBINED = "strongest of elevations -9, 0, 9°"
 
 
 def product(paths=((150.0, 60.0, -100.0), (300.0, 240.0, -120.0)), *, azimuth=None, samples=1022) -> xr.Dataset:
@@ -70,7 +71,7 @@ def test_cartesian_has_units_and_all_mpcs():
     assert markers.get_xdata() == pytest.approx([100, 200, 300])
     assert axes.get_ylim() == (-5, 355)
     ((low, high, label),) = bars(axes)
-    assert label == "Path gain incl. RX antenna (dB)"
+    assert label == f"Path gain incl. RX antenna (dB)\n{COMBINED}"
     assert (low, high) == (-140, -100)
     # the last path stands at 300 ns; a tenth to spare
     assert axes.get_xlim() == pytest.approx((0, 330), abs=1)
@@ -101,7 +102,7 @@ def test_polar_shows_a_path_where_it_came_from(polar):
     # the bar spans what is drawn, not what could be
     ((low, high, label),) = bars(axes)
     assert (low, high) == (-120, -100)
-    assert label == "RX1: path gain incl. RX antenna (dB)"
+    assert label == f"RX1: path gain incl. RX antenna (dB)\n{COMBINED}"
 
 
 def test_what_is_weak_is_left_blank(polar):
@@ -116,7 +117,9 @@ def test_two_positions_share_the_diagram_in_colours_of_their_own(polar):
     axes = products.daps_polar([("RX1", product()), ("RX2", second)], polar)
     first, other = axes.collections[:2]
     assert first.get_cmap() != other.get_cmap()
-    assert {label for *_, label in bars(axes)} == {f"RX{i}: path gain incl. RX antenna (dB)" for i in (1, 2)}
+    assert {label for *_, label in bars(axes)} == {
+        f"RX{i}: path gain incl. RX antenna (dB)\n{COMBINED}" for i in (1, 2)
+    }
     assert axes.get_rmax() == pytest.approx(660, abs=1)  # the longer of both
     for mesh in (first, other):  # the palest colour shown is darker than the page by a fifth in one channel at least
         palest = to_hex(mesh.get_cmap()(0.0))
@@ -183,3 +186,14 @@ def test_text_is_readable_in_a_column(tmp_path, monkeypatch):
                 box = text.get_window_extent()
                 assert figure.bbox.x0 - 1 <= box.x0
                 assert box.x1 <= figure.bbox.x1 + 1
+
+
+def test_a_daps_says_which_elevations_it_shows():
+    figure = plt.figure()
+    products.daps_cartesian(product(), figure.add_subplot(121))
+    alone = products.daps_cartesian(product(), figure.add_subplot(122), elevation=9.0)
+    labels = [axes.get_ylabel().splitlines()[-1] for axes in figure.axes if "Path gain" in axes.get_ylabel()]
+    assert labels == [COMBINED, "elevation 9°"]
+    # the paths are at elevation 0: at 9 there is noise alone, on the scale of all
+    mesh = alone.collections[0]
+    assert (mesh.get_array().max(), mesh.get_clim()[1]) == (-150.0, -100.0)
