@@ -20,6 +20,7 @@ from erm.mpcs.faces import elevation_excess, with_faces
 from erm.mpcs.options import Threshold
 from erm.mpcs.reasons import Reason
 from erm.mpcs.standard_errors import SIGMAS, UNKNOWN_GAIN_STD
+from erm.mpcs.survey_widths import survey_widths
 from erm.mpcs.table import free_space_gain, path_length
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ def select(
     delay_std: float | None = None,
     azimuth_std: float | None = None,
     rx_std: float = 0.0,
+    heading_std: float = 0.0,
+    clock_std: float = 0.0,
 ) -> "xr.Dataset":
     """Select the MPCs that may be single reflections off vertical walls, and locate their faces.
 
@@ -80,11 +83,10 @@ def select(
     delay_std, azimuth_std : float
         Standard errors where the table gives none [s], [degree]. Default: estimated from the direct paths
         (`erm.mpcs.standard_errors`).
-    rx_std : float
-        Standard error of each coordinate of the receivers [m]. Those of delays and azimuths are widened by it: with the
-        receiver displaced by ``e``, the path is longer by ``u.e``, ``u`` the unit vector away from its arrival, and its
-        azimuth turns by the part of ``e`` across it over the horizontal length. A wall has one path per receiver, so
-        the errors of its paths are independent. The errors of several walls at one receiver are not; this is not used.
+    rx_std, heading_std, clock_std : float
+        Standard errors of each horizontal coordinate of a receiver [m], of the azimuth zero [degree] and of the clock
+        [s] of a position. Those of delays and azimuths are widened by them (`erm.mpcs.survey_widths`), unless the table
+        tells by how much: columns ``survey_delay_std`` [s] and ``survey_azimuth_std`` [degree].
 
     Returns
     -------
@@ -93,6 +95,7 @@ def select(
 
         - ``errors_known``: false where the errors were filled in; attributes ``errors_from`` and ``errors_count`` tell
           from what.
+        - ``survey_delay_std``, ``survey_azimuth_std``: what errors of the survey add to those of delays and azimuths.
         - ``link``: index of the pair of antennas. ``cluster``: index of the cluster.
         - ``reflection_loss``, ``reflection_loss_std`` [dB], at the elevation of a path off vertical walls
           (`erm.mpcs.elevation`); for ``letter`` from the gains as measured.
@@ -121,13 +124,18 @@ def select(
     """
     if threshold not in get_args(Threshold):
         raise OptionError(f"threshold {threshold!r}; expected one of {', '.join(get_args(Threshold))}")
-    if not rx_std >= 0:
-        raise OptionError(f"rx_std {rx_std} m; expected 0 or more")
+    for name, value, unit in (
+        ("rx_std", rx_std, "m"),
+        ("heading_std", heading_std, "degree"),
+        ("clock_std", clock_std, "s"),
+    ):
+        if not value >= 0:
+            raise OptionError(f"{name} {value} {unit}; expected 0 or more")
     if max_reflection_loss is not None and not max_reflection_loss > 0:
         raise OptionError(f"max_reflection_loss {max_reflection_loss} dB; expected more than 0")
     if not np.isfinite(ground_height):
         raise OptionError(f"ground_height {ground_height} m; expected a finite number")
-    table = _widened(_with_errors(_with_gains(table), delay_std, azimuth_std), rx_std)
+    table = _widened(with_errors(_with_gains(table), delay_std, azimuth_std), rx_std, heading_std, clock_std)
     link = links(table)
     cluster, strongest = clusters(table, link, delay_window=delay_window, azimuth_window=azimuth_window)
     measured = loss = reflection_loss(table)
@@ -162,6 +170,8 @@ def select(
         "azimuth_window": azimuth_window,
         "ground_height": ground_height,
         "rx_std": rx_std,
+        "heading_std": heading_std,
+        "clock_std": clock_std,
     }
     return (
         with_faces(table)
@@ -242,8 +252,13 @@ def _with_gains(table: "xr.Dataset") -> "xr.Dataset":
     )
 
 
-def _with_errors(table: "xr.Dataset", delay_std: float | None, azimuth_std: float | None) -> "xr.Dataset":
-    """Return the table with all standard errors filled in; attributes tell from what."""
+def with_errors(table: "xr.Dataset", delay_std: float | None = None, azimuth_std: float | None = None) -> "xr.Dataset":
+    """Return the table with all standard errors filled in; attributes tell from what.
+
+    A table whose errors were filled in before is returned as it is.
+    """
+    if "errors_known" in table:
+        return table
     found = standard_errors.errors_of_direct_paths(table)
     given = {
         "delay_std": found.delay if delay_std is None else delay_std,
@@ -264,14 +279,22 @@ def _filled(values: FloatArray, value: float) -> FloatArray:
     return np.where(np.isnan(values), value, values)
 
 
-def _widened(table: "xr.Dataset", rx_std: float) -> "xr.Dataset":
-    """Return the table with standard errors widened for uncertain positions of the receivers."""
-    height = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
-    # right below a transmitter there is no azimuth
-    horizontal = np.sqrt(np.maximum(path_length(table) ** 2 - height**2, rx_std**2))
-    turned = np.rad2deg(np.divide(rx_std, horizontal, out=np.zeros_like(horizontal), where=horizontal > 0))
-    wider = {"delay_std": rx_std / c, "azimuth_std": turned}
-    return table.assign({name: ("mpc", np.hypot(table[name].values, more)) for name, more in wider.items()})
+def _widened(table: "xr.Dataset", rx_std: float, heading_std: float, clock_std: float) -> "xr.Dataset":
+    """Return the table with standard errors widened for errors of positions, and these widths as columns."""
+    if "survey_delay_std" not in table:
+        covariance = np.diag([rx_std, rx_std, heading_std, clock_std * c])[None] ** 2
+        height = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
+        length, azimuth = survey_widths(path_length(table), height, table["azimuth"].values, covariance)
+        table = table.assign(
+            survey_delay_std=("mpc", length / c, {"units": "s"}),
+            survey_azimuth_std=("mpc", azimuth, {"units": "degree"}),
+        )
+    return table.assign(
+        {
+            name: ("mpc", np.hypot(table[name].values, table[f"survey_{name}"].values), table[name].attrs)
+            for name in ("delay_std", "azimuth_std")
+        }
+    )
 
 
 def _delay_tolerance(table: "xr.Dataset") -> FloatArray:

@@ -55,7 +55,6 @@ def assemble(
     columns: dict[str, list] = {name: [] for name in names}
     for wall, pieces in zip(decision.walls, decision.pieces, strict=True):
         line = wall.line.with_pivot(np.zeros(2))
-        factor = _covariance_factor(wall.reduced_chi_squared, wall.support)
         refractive_index = round(float(np.sqrt(refractive_index_squared(wall))), 1)
         material = Material(f"index {refractive_index}", refractive_index=complex(refractive_index, 0.0))
         materials[material.name] = material
@@ -68,7 +67,7 @@ def assemble(
             columns["top"].append(max(wall.reflection_points[piece.inliers, 2].max(), ground) + MAX_FRESNEL_MARGIN)
             columns["normal"].append(line.normal)
             columns["offset"].append(line.offset)
-            columns["covariance"].append(line.covariance * factor)
+            columns["covariance"].append(line.covariance)
             columns["support"].append(len(piece.inliers))
             columns["residual"].append(wall.reduced_chi_squared)
             columns["material"].append(material.name)

@@ -4,12 +4,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from erm.common.constants import c
 from erm.common.storage import provenance
 from erm.maps.environment import Environment
 from erm.mpcs.options import Threshold
-from erm.mpcs.selection import select
 from erm.reconstruction.model.paths import IntArray
-from erm.reconstruction.reconstruct import reconstruct
+from erm.reconstruction.rounds import reconstruct_survey
+from erm.survey.bundle import SurveyStd
 from erm.survey.calibration import apply, calibrate
 from erm.survey.conventions import contradictions
 from erm.survey.report import attributes
@@ -28,7 +29,9 @@ def make_map(
     max_reflection_loss: float | None = None,
     min_support: int = 3,
     ground_height: float = 0.0,
-    rx_std: float = 0.0,
+    rx_std: float | None = None,
+    heading_std: float | None = None,
+    clock_std: float | None = None,
     as_given: bool = False,
 ) -> tuple[Environment, "xr.Dataset"]:
     """Calibrate, select single reflections, reconstruct the map, and store its provenance in it.
@@ -43,8 +46,11 @@ def make_map(
         Files that the table was read from. Their SHA-256 is stored in the map.
     start : array (mpc,) of int, optional
         Common images of an earlier map; see `erm.reconstruct`.
-    threshold, max_reflection_loss, ground_height, rx_std
+    threshold, max_reflection_loss, ground_height
         Options of `erm.select`.
+    rx_std, heading_std, clock_std : float, optional
+        Standard errors of each horizontal coordinate of a receiver [m], of the azimuth zero [degree] and of the clock
+        [s] of a position. Default: estimated.
     min_support : int
         Fewest antenna pairs that must share a wall.
     as_given : bool
@@ -73,20 +79,25 @@ def make_map(
     calibration = calibrate(table)
     if not as_given:
         table = apply(table, calibration)
-    selected = select(
+    environment, located, _ = reconstruct_survey(
         table,
+        SurveyStd(rx_std, heading_std, None if clock_std is None else clock_std * c),
+        # what is not removed is exact: a common error that may be none only turns and scales the map
+        common=not as_given and any(calibration.applied[name] for name in ("heading", "clock")),
+        min_support=min_support,
+        start=start,
         threshold=threshold,
         max_reflection_loss=max_reflection_loss,
         ground_height=ground_height,
-        rx_std=rx_std,
     )
-    environment, located = reconstruct(selected, min_support=min_support, start=start)
     options = {
         "threshold": threshold,
         "max_reflection_loss": max_reflection_loss,
         "min_support": min_support,
         "ground_height": ground_height,
         "rx_std": rx_std,
+        "heading_std": heading_std,
+        "clock_std": clock_std,
         "as_given": as_given,
     }
     origin = provenance("Reconstructed environment", history, inputs=inputs, options=options)

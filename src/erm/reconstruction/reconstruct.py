@@ -10,7 +10,7 @@ from erm.maps.environment import Environment
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.reconstruction.assemble import assemble
-from erm.reconstruction.decision.adjust import adjust_walls
+from erm.reconstruction.bundle_walls import bundle_walls
 from erm.reconstruction.decision.decide import Decision, decide_walls
 from erm.reconstruction.decision.pieces import Links
 from erm.reconstruction.delay_wraps import add_wrapped_paths, with_wrapped_delays
@@ -23,6 +23,8 @@ from erm.reconstruction.search.bent_facades import split_bent_facades
 from erm.reconstruction.search.consensus import find_groups
 from erm.reconstruction.search.greedy import Group
 from erm.reconstruction.search.search import add_uncertain_paths, search_groups
+from erm.survey.bundle import SurveyStd
+from erm.survey.positions import PositionErrors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,6 +77,38 @@ def reconstruct(
     >>> int((located["wall"] == 0).sum())
     4
     """
+    rx, heading, clock = (table.attrs.get(f"{name}_std", 0.0) for name in ("rx", "heading", "clock"))
+    given = SurveyStd(rx, heading, clock * c)
+    environment, located, _ = locate_walls(
+        table, PositionErrors.none(table, given), min_support=min_support, max_gap=max_gap, start=start
+    )
+    return environment, located
+
+
+def locate_walls(
+    table: "xr.Dataset",
+    positions: PositionErrors,
+    *,
+    min_support: int = 3,
+    max_gap: float = 15.0,
+    start: IntArray | None = None,
+) -> tuple[Environment, "xr.Dataset", PositionErrors]:
+    """Reconstruct walls and poles, and the errors of positions; the arguments and results of `reconstruct`, and these.
+
+    Parameters
+    ----------
+    table, min_support, max_gap, start
+        See `reconstruct`.
+    positions : PositionErrors
+        What was removed from the table.
+
+    Returns
+    -------
+    environment, located
+        See `reconstruct`.
+    positions : PositionErrors
+        Errors that walls, chains and direct paths show.
+    """
     measured = Paths.from_table(table)
     rows = np.flatnonzero(table["accepted"].values)
     certain = rows[measured.loss[rows] <= table.attrs["max_reflection_loss"]]
@@ -104,7 +138,7 @@ def reconstruct(
         groups = list(compress(groups, valid))
         decision = _decide(table, paths, groups, max_gap)
     table, measured = with_wrapped_delays(table, measured, wrapped, decision.walls, count)
-    decision, chains = _adjust(table, measured, decision, paths, max_gap)
+    decision, chains, positions = bundle_walls(table, measured, decision, positions, max_gap)
     candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
     explained = np.concatenate([chains, *(wall.paths.row for wall in [*decision.walls, *candidates])])
     pole_paths = measured.take(_may_be_off_poles(table, explained))
@@ -117,34 +151,13 @@ def reconstruct(
     if len(paths):
         errors = {"delay_std": paths.length_std / c, "azimuth_std": paths.azimuth_std}
         located = located.assign_attrs({name: float(np.median(std)) for name, std in errors.items()})
-    return environment, located
+    return environment, located, positions
 
 
 def _decide(table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float) -> Decision:
     """Decide which groups are walls."""
     candidates = [Wall(paths, group.line, group.inliers) for group in groups]
     return decide_walls(candidates, _minor_walls(paths, groups), lines_of_sight(table), _links(table), max_gap)
-
-
-def _adjust(
-    table: "xr.Dataset", measured: Paths, decision: Decision, paths: Paths, max_gap: float
-) -> tuple[Decision, IntArray]:
-    """Fit the walls to the chains of reflections off them, too; return the rows of these chains, whatever their loss.
-
-    Not where receivers are uncertain: their errors are in a wall's own paths and in the chains alike.
-    """
-    if table.attrs.get("rx_std", 0.0) > 0:
-        return decision, np.empty(0, dtype=np.int64)
-    no_chain = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT)
-    free = ~np.isin(table["reason"].values, no_chain) & fits_vertical_wall(table)
-    free[concatenate_rows(wall.paths.row for wall in decision.walls)] = False
-    rest = measured.take(free)
-    if len(paths):
-        length = float(np.median(paths.length_std / measured.length_std[paths.row]))
-        azimuth = float(np.median(paths.azimuth_std / measured.azimuth_std[paths.row]))
-        rest = rest.with_errors(rest.length_std * length, rest.azimuth_std * azimuth)
-    walls, rows = adjust_walls(decision.walls, rest, max_gap)
-    return decision._replace(walls=walls), rows
 
 
 def _may_be_off_poles(table: "xr.Dataset", explained: IntArray) -> BoolArray:

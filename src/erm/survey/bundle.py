@@ -203,6 +203,7 @@ def adjust(
     *,
     common: bool = False,
     errors_known: bool = True,
+    start: Bundle | None = None,
 ) -> Bundle:
     """Most likely faces and survey errors, with their covariances.
 
@@ -221,6 +222,8 @@ def adjust(
     errors_known : bool
         Whether the standard errors of the observations are known. They are then enlarged where residuals are larger,
         but never reduced.
+    start : Bundle, optional
+        Result for nearly the same paths, from which this one is found in fewer steps.
 
     Examples
     --------
@@ -242,6 +245,9 @@ def adjust(
     first = [start if std is None else std for std, start in zip(given.known(), FIRST_STD, strict=True)]
     state = _State(faces, np.zeros(2), np.zeros((positions, BLOCK)), np.array(first, dtype=float), np.ones(2))
     free = np.array([std is None for std in given.known()])
+    if start is not None:
+        own = start.errors - np.r_[0.0, 0.0, start.common]
+        state = replace(state, common=start.common, own=own, std=start.std, scale=start.scale)
     while True:
         state, solution, value, likelihood_ratio = _converged(problem, state, free, errors_known=errors_known)
         unsupported = free & (state.std > 0) & (likelihood_ratio < MIN_LOG_ODDS)

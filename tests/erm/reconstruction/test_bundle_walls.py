@@ -1,7 +1,5 @@
 """Chains of reflections locate the walls that they met."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,13 +9,13 @@ from erm.geometry.vertical import angle_difference, mirrored
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.reconstruction import reconstruct as module
-from erm.reconstruction.decision.adjust import fit_jointly, shared_error_factor
-from erm.reconstruction.decision.chains import Chains, predict_chains
+from erm.reconstruction.bundle_walls import Adjusted
+from erm.reconstruction.decision.chains import predict_chains
 from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.loss import reflection_loss
 from erm.reconstruction.reconstruct import reconstruct
 
-from ..bounces import FREQUENCY, bounces, joined, paths_of
+from .bounces import FREQUENCY, bounces, joined
 
 TX = np.array([-40.0, 2.0, 12.0])
 STREET = np.array([[90.0, -9.0], [270.0, -10.0]])  # y = -9 and y = 10, seen from between
@@ -99,25 +97,6 @@ def test_chains_make_walls_better_and_their_covariance_stays_right():
     assert np.mean(chi2) == pytest.approx(2, abs=3 * 0.32)
 
 
-@pytest.mark.parametrize(("common", "least", "most"), [(0.0, 1.0, 1.0), (0.05, 2.5, 8.0)])
-def test_errors_that_a_link_shares_are_not_averaged(common, least, most):
-    # 30 links of 6 paths, 3 cm of error of each length and 5 cm of all of a link: their gradients add up
-    rng = np.random.default_rng(8)
-    count = 30
-    rx = np.column_stack([np.linspace(-15, 45, count), rng.uniform(-6, 7, count), np.full(count, 1.5)])
-    lines = Lines(STREET[:, 0], STREET[:, 1], np.zeros((2, 2, 2)), np.zeros((2, 2)))
-    late = common * rng.standard_normal(count)
-    sets = []
-    for chain in ORDERS:
-        paths = paths_of(bounces(np.tile(TX, (count, 1)), rx, *STREET[list(chain)]), length_std=0.03, azimuth_std=0.5)
-        error = late + 0.03 * rng.standard_normal(count)
-        turned = paths.azimuth + 0.5 * rng.standard_normal(count)
-        sets.append(Chains(replace(paths, length=paths.length + error, azimuth=turned), np.tile(chain, (count, 1))))
-    found, covariance = fit_jointly(sets, lines)
-    # lengths that all have the same sign of a slope would make it 1 + 6 (5 / 3)**2 = 18; azimuths share nothing
-    assert least <= shared_error_factor(sets, found, covariance) <= most
-
-
 @pytest.mark.slow
 def test_no_chain_is_used_where_as_many_would_be_found_by_chance(monkeypatch):
     # 200 clutter paths per link and large errors: each chain has some in its gate, and as many around it
@@ -131,7 +110,8 @@ def test_no_chain_is_used_where_as_many_would_be_found_by_chance(monkeypatch):
     clutter["path_gain"][:] = free_space - rng.uniform(10, 40, len(direct))
     both = select(xr.concat([table, clutter], dim="mpc"))
     dense, _ = reconstruct(both, max_gap=np.inf)
-    monkeypatch.setattr(module, "adjust_walls", lambda walls, paths, gap: (list(walls), np.empty(0, dtype=np.int64)))
+    none = np.empty(0, dtype=np.int64)
+    monkeypatch.setattr(module, "bundle_walls", lambda *given: Adjusted(given[2], none, given[3]))
     alone, _ = reconstruct(both, max_gap=np.inf)
     assert alone.reflectors.sizes["reflector"] >= 2
     np.testing.assert_array_equal(dense.reflectors["offset"], alone.reflectors["offset"])

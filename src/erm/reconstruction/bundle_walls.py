@@ -1,0 +1,211 @@
+"""Bundle adjustment of a map: walls and survey errors of positions from all paths that are explained.
+
+Each reflection of a chain moves its image by twice the error of a wall, and later reflections in a street meet its
+walls more steeply than the first: a few chains may determine a wall better than all single reflections off it. Images
+that are not walls are faces, too: whatever reflected their paths, it shows the errors of the positions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import compress
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from erm.common.constants import c
+from erm.geometry.chains import NO_FACE
+from erm.geometry.vertical import FloatArray
+from erm.mpcs.reasons import Reason
+from erm.mpcs.selection import fits_vertical_wall
+from erm.mpcs.survey_widths import survey_widths
+from erm.reconstruction.decision.chains import Chains, ChainSearch
+from erm.reconstruction.decision.decide import Decision
+from erm.reconstruction.model.fit import fit_line
+from erm.reconstruction.model.line import Lines
+from erm.reconstruction.model.odds import THOUSAND_TO_ONE
+from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.model.ragged import concatenate_rows
+from erm.reconstruction.model.wall import Wall
+from erm.reconstruction.search.false_alarm import log_odds_against_false_alarm
+from erm.survey.bundle import Bundle, adjust
+from erm.survey.positions import PositionErrors
+from erm.survey.residuals import CLOCK, HEADING, Faces, MeasuredPaths
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MAX_ADJUSTMENTS = 3
+"""Repetitions of searching chains and fitting: the lines of one find the chains of the next. Chosen; not derived."""
+MAX_EXPLAINED_SHARE = 0.5
+"""Share of the paths of an image from which on chains explain it."""
+MAX_BOUNCES = 3
+"""Faces of the longest chains that are searched."""
+
+
+class Adjusted(NamedTuple):
+    """Result of a bundle adjustment of a map."""
+
+    decision: Decision
+    """With the walls that were fitted, and their paths without errors of the survey."""
+    chains: IntArray
+    """Rows of the table that were reflected off several walls."""
+    positions: PositionErrors
+
+
+def bundle_walls(
+    table: "xr.Dataset", measured: Paths, decision: Decision, positions: PositionErrors, max_gap: float
+) -> Adjusted:
+    """Fit walls and errors of positions to single reflections, direct paths, and chains of reflections off the walls.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        From `erm.mpcs.selection.select`, of a table without the errors of positions that are known.
+    measured : Paths
+        All MPCs of the table.
+    decision : Decision
+    positions : PositionErrors
+        What was removed from the table.
+    max_gap : float
+        How far beyond its outermost reflection points a wall may reflect [m].
+    """
+    problem = _Problem(table, measured, positions)
+    chains = np.empty(0, dtype=np.int64)
+    images = [_of_main_transmitter(wall) for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
+    certain = _are_certain([*decision.walls, *images])
+    walls = list(compress(decision.walls, certain))
+    images = list(compress(images, certain[len(decision.walls) :]))
+    if not len(problem.direct) and not walls and not images:
+        return Adjusted(decision, chains, positions)
+    no_chain = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT)
+    free = ~np.isin(table["reason"].values, no_chain) & fits_vertical_wall(table)
+    free[concatenate_rows(wall.paths.row for wall in decision.walls)] = False
+    rest = measured.take(free)
+    found = problem.adjust([*walls, *images], []) if positions.inexact else _as_fitted(walls, positions)
+    for _ in range(MAX_ADJUSTMENTS if len(walls) > 1 and len(rest) else 0):
+        lines, joint = _lines(walls, found)
+        search = ChainSearch(walls, problem.without_errors(rest, positions.updated(found)), max_gap)
+        before, sets = chains, search.find(lines, joint)
+        chains = concatenate_rows(one.paths.row for one in sets)
+        if np.array_equal(chains, before):
+            break
+        # an image that chains off the walls explain is no face of its own
+        others = [image for image in images if np.isin(image.paths.row, chains).mean() < MAX_EXPLAINED_SHARE]
+        found = problem.adjust([*walls, *others], sets, found)
+    if not positions.inexact and not len(chains):
+        return Adjusted(decision, chains, positions)
+    updated = positions.updated(found)
+    lines, _ = _lines(walls, found)
+    fitted, number = [], 0
+    corrected = problem.without_errors(decision.walls[0].all_paths, updated) if decision.walls else measured
+    for wall, is_certain in zip(decision.walls, certain, strict=False):
+        moved = replace(wall, all_paths=corrected)
+        line = lines.line(number) if is_certain else fit_line(moved.paths, wall.line)
+        fitted.append(replace(moved, line=line))
+        number += int(is_certain)
+    return Adjusted(decision._replace(walls=fitted), chains, updated)
+
+
+def _are_certain(walls: Sequence[Wall]) -> BoolArray:
+    """Whether (wall,) candidates show errors of positions: they are a thousand times more likely than false alarms.
+
+    Three paths whose positions are uncertain agree on some line by chance, and nothing contradicts it.
+    """
+    return log_odds_against_false_alarm(walls, [True] * len(walls)) > THOUSAND_TO_ONE
+
+
+class _Problem:
+    """Paths of a table as they were measured, before errors of positions were removed."""
+
+    def __init__(self, table: "xr.Dataset", measured: Paths, positions: PositionErrors) -> None:
+        self.positions = positions
+        survey = table["survey_delay_std"].values * c, table["survey_azimuth_std"].values
+        every = table["delay_std"].values * c, table["azimuth_std"].values
+        own = [np.sqrt(np.maximum(both**2 - part**2, 0.0)) for both, part in zip(every, survey, strict=True)]
+        self.std = np.column_stack(own) / positions.scale
+        self.direct = measured.take(_direct_paths(table))
+
+    def adjust(self, walls: Sequence[Wall], sets: Sequence[Chains], start: Bundle | None = None) -> Bundle:
+        """Adjust walls and positions to the paths of the walls, direct paths, and chains."""
+        paths = Paths.concatenate([self.direct, *(wall.paths for wall in walls), *(one.paths for one in sets)])
+        faces = np.full((len(paths), MAX_BOUNCES), NO_FACE)
+        first = len(self.direct)
+        for number, wall in enumerate(walls):
+            faces[first : first + wall.support, 0] = number
+            first += wall.support
+        for one in sets:
+            faces[first : first + len(one.paths), : one.walls.shape[1]] = one.walls
+            first += len(one.paths)
+        position = self.positions.number[paths.row]
+        errors = self.positions.errors[position]
+        lines = Lines.from_list([wall.line for wall in walls])
+        return adjust(
+            MeasuredPaths(
+                tx=paths.tx[:, :2],
+                rx=paths.rx[:, :2] - errors[:, :2],
+                height_difference=paths.tx[:, 2] - paths.rx[:, 2],
+                measured=np.column_stack([paths.length + errors[:, CLOCK], paths.azimuth + errors[:, HEADING]]),
+                std=self.std[paths.row],
+                position=position,
+                faces=faces,
+            ),
+            Faces(lines.normal, lines.offset, lines.pivot),
+            len(self.positions.first),
+            self.positions.given,
+            common=self.positions.common,
+            errors_known=self.positions.errors_known,
+            start=start,
+        )
+
+    def without_errors(self, paths: Paths, found: PositionErrors) -> Paths:
+        """Paths that had other errors of positions removed, now without those that were found."""
+        number = self.positions.number[paths.row]
+        change = (found.errors - self.positions.errors)[number]
+        rx = paths.rx.copy()
+        rx[:, :2] += change[:, :2]
+        length, azimuth = paths.length - change[:, CLOCK], (paths.azimuth - change[:, HEADING]) % 360
+        own = self.std[paths.row] * found.scale
+        survey = survey_widths(length, paths.tx[:, 2] - rx[:, 2], azimuth, found.covariance[number])
+        length_std, azimuth_std = np.hypot(own.T, survey)
+        moved = replace(paths, rx=rx, length=length, azimuth=azimuth)
+        return moved.with_errors(length_std, azimuth_std)
+
+
+def _as_fitted(walls: Sequence[Wall], positions: PositionErrors) -> Bundle:
+    """Walls that were fitted one by one, of a survey without errors."""
+    lines = Lines.from_list([wall.line for wall in walls])
+    count, nothing = len(walls), np.zeros(2)
+    covariance = np.zeros((count, 2, count, 2))
+    covariance[np.arange(count), :, np.arange(count)] = lines.covariance
+    return Bundle(
+        faces=Faces(lines.normal, lines.offset, lines.pivot),
+        face_covariance=covariance,
+        common=nothing,
+        common_covariance=np.diag(nothing),
+        errors=positions.errors,
+        covariance=positions.covariance,
+        std=np.zeros(3),
+        scale=positions.scale,
+        residual=np.empty((0, 2)),
+    )
+
+
+def _lines(walls: Sequence[Wall], found: Bundle) -> tuple[Lines, FloatArray]:
+    """Lines of walls, the first faces of an adjustment, and their covariance (wall, 2, wall, 2)."""
+    count = len(walls)
+    joint = found.face_covariance[:count, :, :count]
+    own = joint[np.arange(count), :, np.arange(count)]
+    return Lines(found.faces.normal[:count], found.faces.offset[:count], own, found.faces.pivot[:count]), joint
+
+
+def _of_main_transmitter(wall: Wall) -> Wall:
+    """The paths of a candidate that have its most frequent transmitter: a line is no image of a chain for several."""
+    main = np.bincount(wall.paths.transmitter).argmax()
+    return replace(wall, inliers=wall.inliers[wall.paths.transmitter == main])
+
+
+def _direct_paths(table: "xr.Dataset") -> IntArray:
+    """Rows (n,) of direct paths, the strongest one of each pair of antennas."""
+    rows = np.flatnonzero(table["reason"].values == Reason.DIRECT_PATH)
+    rows = rows[np.argsort(-table["path_gain"].values[rows], kind="stable")]
+    return rows[np.unique(table["link"].values[rows], return_index=True)[1]]

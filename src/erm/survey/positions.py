@@ -1,0 +1,144 @@
+"""Errors of the positions of a table: what was removed from it, and what remains uncertain of each."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from erm.common.constants import c
+from erm.geometry.vertical import FloatArray
+from erm.mpcs.antenna_pairs import distinct_rows
+from erm.mpcs.survey_widths import survey_widths
+from erm.mpcs.table import path_length
+from erm.survey.bundle import Bundle, SurveyStd, adjust, by_error
+from erm.survey.calibration import LEAST_EVIDENCE, LEAST_PATHS
+from erm.survey.direct_paths import find_direct_paths
+from erm.survey.observations import Observations
+from erm.survey.residuals import CLOCK, HEADING, Faces, IntArray, MeasuredPaths
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NO_FACES = Faces(np.empty(0), np.empty(0), np.empty((0, 2)))
+TOLERANCE = 0.1
+"""Change of what a path should be, in its own standard errors, that changes no map. Chosen; not derived."""
+
+
+@dataclass(frozen=True)
+class PositionErrors:
+    """Errors of each position, and those of paths.
+
+    Parameters
+    ----------
+    number : array (mpc,) of int
+        Position of each MPC: one name at one place of the receiver.
+    first : array (position,) of int
+        First MPC of each position.
+    errors : array (position, 4)
+        True minus surveyed east and north [m], measured minus true heading [degree] and clock [m].
+    covariance : array (position, 4, 4)
+        Of the true errors about these.
+    given : SurveyStd
+        Standard deviations of the errors that are known.
+    common : bool
+        Whether all positions may share an error of heading and of clock.
+    errors_known : bool
+        Whether the table gives all standard errors of delays and azimuths.
+    scale : array (2,)
+        Factors of these standard errors.
+    adjusted : bool
+        Whether an adjustment of faces has estimated them.
+    """
+
+    number: IntArray
+    first: IntArray
+    errors: FloatArray
+    covariance: FloatArray
+    given: SurveyStd
+    common: bool
+    errors_known: bool
+    scale: FloatArray
+    adjusted: bool = False
+
+    @classmethod
+    def none(cls, table: "xr.Dataset", given: SurveyStd, *, common: bool = False) -> "PositionErrors":
+        """Positions that are as surveyed, to the standard deviations that are given."""
+        _, name = np.unique(table["position"].values, return_inverse=True)
+        first, number = distinct_rows(np.column_stack([name, table["rx_position"].values]))
+        variance = np.square(by_error(np.array([std or 0.0 for std in given.known()])))
+        covariance = np.tile(np.diag(variance), (len(first), 1, 1))
+        known = bool(table["errors_known"].values.all())
+        return cls(number, first, np.zeros((len(first), 4)), covariance, given, common, known, np.ones(2))
+
+    @property
+    def inexact(self) -> bool:
+        """Whether positions may have errors."""
+        return self.common or any(std is None or std > 0 for std in self.given.known())
+
+    def updated(self, found: Bundle) -> "PositionErrors":
+        """Errors that an adjustment of faces found."""
+        errors, covariance, scale = found.errors, found.covariance, found.scale
+        return replace(self, errors=errors, covariance=covariance, scale=scale, adjusted=True)
+
+    def corrected(self, table: "xr.Dataset") -> "xr.Dataset":
+        """Remove the errors from a table, and tell by how much the rest widens the errors of its MPCs.
+
+        Columns ``survey_delay_std`` [s] and ``survey_azimuth_std`` [degree] hold the latter; `erm.select` adds them.
+        """
+        errors = self.errors[self.number]
+        rx = table["rx_position"].values.copy()
+        rx[:, :2] += errors[:, :2]
+        length_std, azimuth_std = _widths(table, self.covariance[self.number])
+        return table.assign(
+            rx_position=(("mpc", "xyz"), rx, table["rx_position"].attrs),
+            delay=("mpc", table["delay"].values - errors[:, CLOCK] / c, table["delay"].attrs),
+            azimuth=("mpc", (table["azimuth"].values - errors[:, HEADING]) % 360, table["azimuth"].attrs),
+            delay_std=("mpc", table["delay_std"].values * self.scale[0], table["delay_std"].attrs),
+            azimuth_std=("mpc", table["azimuth_std"].values * self.scale[1], table["azimuth_std"].attrs),
+            errors_known=("mpc", table["errors_known"].values | self.adjusted),
+            survey_delay_std=("mpc", length_std / c, {"units": "s"}),
+            survey_azimuth_std=("mpc", azimuth_std, {"units": "degree"}),
+        )
+
+    def moves(self, other: "PositionErrors", table: "xr.Dataset") -> bool:
+        """Whether other errors of the positions make paths of a table clearly different."""
+        change = self.errors - other.errors
+        squares = change[:, :, None] * change[:, None, :]
+        length, azimuth = _widths(table, squares[self.number])
+        length, azimuth = length / (table["delay_std"].values * c), azimuth / table["azimuth_std"].values
+        return bool(np.maximum(length, azimuth).max(initial=0.0) > TOLERANCE)
+
+
+def from_direct_paths(table: "xr.Dataset", given: SurveyStd, *, common: bool = False) -> PositionErrors:
+    """Errors of positions as their direct paths show them; the start of a search for walls.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table with all standard errors (`erm.mpcs.selection.with_errors`).
+    given, common
+        See `PositionErrors`.
+    """
+    start = PositionErrors.none(table, given, common=common)
+    found = find_direct_paths(Observations.of(table), most=1)
+    rows = np.flatnonzero(found[0].weight > 0.5) if found else np.empty(0, dtype=np.int64)
+    if len(rows) < LEAST_PATHS or found[0].evidence < LEAST_EVIDENCE * len(rows):
+        return start
+    tx, rx = table["tx_position"].values[rows], table["rx_position"].values[rows]
+    paths = MeasuredPaths(
+        tx[:, :2],
+        rx[:, :2],
+        tx[:, 2] - rx[:, 2],
+        np.column_stack([path_length(table)[rows], table["azimuth"].values[rows]]),
+        np.column_stack([table["delay_std"].values[rows] * c, table["azimuth_std"].values[rows]]),
+        start.number[rows],
+        np.empty((len(rows), 0), dtype=np.int64),
+    )
+    seen = adjust(paths, NO_FACES, len(start.first), given, common=common)
+    return replace(start, errors=seen.errors, covariance=seen.covariance)
+
+
+def _widths(table: "xr.Dataset", covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations (mpc,) of lengths [m] and azimuths [degree] for covariances (mpc, 4, 4)."""
+    height = table["tx_position"].values[:, 2] - table["rx_position"].values[:, 2]
+    return survey_widths(path_length(table), height, table["azimuth"].values, covariance)
