@@ -47,10 +47,32 @@ def reconstruct(
     ] = None,
     ground: Annotated[float, typer.Option(help="Height of the ground [m].")] = 0.0,
     rx_std: Annotated[
-        float, typer.Option(min=0.0, help="Standard error of each coordinate of the receivers [m].")
-    ] = 0.0,
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Standard error of each horizontal coordinate of the receivers [m]. Default: estimated.",
+            show_default=False,
+        ),
+    ] = None,
+    heading_std: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Standard error of the azimuth zero of a position [degree]. Default: estimated.",
+            show_default=False,
+        ),
+    ] = None,
+    clock_std: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, help="Standard error of the clock of a position [ns]. Default: estimated.", show_default=False
+        ),
+    ] = None,
+    positions_out: Annotated[
+        Path | None, typer.Option(help="Also write the positions without their errors, and these (.csv).")
+    ] = None,
     calibrated: Annotated[
-        Path | None, typer.Option(help="Also write the MPCs with the common errors removed (.csv).")
+        Path | None, typer.Option(help="Also write the MPCs with the errors of the survey removed (.csv).")
     ] = None,
     as_given: Annotated[
         bool, typer.Option("--as-given", help="Take azimuths, delays and gains as they are, without calibration.")
@@ -58,8 +80,9 @@ def reconstruct(
 ) -> None:
     """Reconstruct the walls that reflected the MPCs."""
     inputs = {path for path in (*mpcs, add_to) if path is not None}
-    protect_inputs((out, rps, figure, calibrated), inputs)
+    protect_inputs((out, rps, figure, positions_out, calibrated), inputs)
     require_suffix(rps, ".csv")
+    require_suffix(positions_out, ".csv")
     require_suffix(calibrated, ".csv")
     require_suffix(figure, *FIGURES)
     from erm.maps.formats import require_format, write_map
@@ -67,6 +90,7 @@ def reconstruct(
     from erm.mpcs.reflection_points import write_reflection_points
     from erm.reconstruction.extend import add_mpcs, read_map_mpcs, with_images
     from erm.reconstruction.make_map import make_map
+    from erm.survey.position_files import positions_of, write_positions
     from erm.survey.report import warnings
 
     require_format(out)
@@ -84,13 +108,19 @@ def reconstruct(
         min_support=min_support,
         ground_height=ground,
         rx_std=rx_std,
+        heading_std=heading_std,
+        clock_std=None if clock_std is None else clock_std * 1e-9,
         as_given=as_given,
     )
-    write_map(environment, out, mpcs=with_images(table, located))
+    write_map(environment, out, mpcs=with_images(table, located), positions=positions_of(located))
+    if positions_out:
+        write_positions(located, positions_out)
     if rps:
         write_reflection_points(located, rps)
     if calibrated:
-        write_mpcs(table.assign({name: located[name] for name in ("delay", "azimuth", "path_gain")}), calibrated)
+        write_mpcs(
+            table.assign({name: located[name] for name in ("rx_position", "delay", "azimuth", "path_gain")}), calibrated
+        )
     if figure:
         _draw(environment, located, figure)
     _print_reflectors(environment)

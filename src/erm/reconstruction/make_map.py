@@ -62,7 +62,7 @@ def make_map(
         The map; its attributes tell inputs and options, the calibration, and what contradicts
         (`erm.survey.report.attributes`).
     located : xarray.Dataset
-        The table of `erm.reconstruct`.
+        The table of `erm.reconstruct`, with the positions (`erm.survey.position_files`).
 
     Examples
     --------
@@ -79,7 +79,7 @@ def make_map(
     calibration = calibrate(table)
     if not as_given:
         table = apply(table, calibration)
-    environment, located, _ = reconstruct_survey(
+    environment, located = reconstruct_survey(
         table,
         SurveyStd(rx_std, heading_std, None if clock_std is None else clock_std * c),
         # what is not removed is exact: a common error that may be none only turns and scales the map

@@ -7,7 +7,7 @@ from erm.mpcs.selection import select, with_errors
 from erm.reconstruction.model.paths import IntArray
 from erm.reconstruction.reconstruct import locate_walls
 from erm.survey.bundle import SurveyStd
-from erm.survey.positions import PositionErrors, from_direct_paths
+from erm.survey.positions import from_direct_paths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,7 +24,7 @@ def reconstruct_survey(
     min_support: int = 3,
     start: IntArray | None = None,
     **options: Any,
-) -> tuple[Environment, "xr.Dataset", PositionErrors]:
+) -> tuple[Environment, "xr.Dataset"]:
     """Reconstruct a map and the errors of positions, headings and clocks.
 
     The first search allows for the errors that are given or that direct paths show.
@@ -46,8 +46,7 @@ def reconstruct_survey(
     -------
     environment : Environment
     located : xarray.Dataset
-        Table of `erm.reconstruct`, without the errors of the positions.
-    positions : PositionErrors
+        Table of `erm.reconstruct` with the receivers where they stood, and `PositionErrors.described`.
     """
     table = with_errors(table)
     positions = from_direct_paths(table, given, common=common)
@@ -56,4 +55,4 @@ def reconstruct_survey(
         environment, located, positions = locate_walls(selected, before, min_support=min_support, start=start)
         if not positions.moves(before, table):
             break
-    return environment, located, positions
+    return environment, positions.described(located)

@@ -11,8 +11,8 @@ from erm.mpcs.antenna_pairs import distinct_rows
 from erm.mpcs.survey_widths import survey_widths
 from erm.mpcs.table import path_length
 from erm.survey.bundle import Bundle, SurveyStd, adjust, by_error
-from erm.survey.calibration import LEAST_EVIDENCE, LEAST_PATHS
-from erm.survey.direct_paths import find_direct_paths
+from erm.survey.calibration import FEWEST_DIRECT, LEAST_EVIDENCE
+from erm.survey.direct_paths import SPREADS, direct_paths_at
 from erm.survey.observations import Observations
 from erm.survey.residuals import CLOCK, HEADING, Faces, IntArray, MeasuredPaths
 
@@ -100,6 +100,31 @@ class PositionErrors:
             survey_azimuth_std=("mpc", azimuth_std, {"units": "degree"}),
         )
 
+    def described(self, table: "xr.Dataset") -> "xr.Dataset":
+        """Return a table with its positions without their errors, and these, along ``survey_position``.
+
+        Attributes ``heading_error`` and ``clock_error``, what a calibration removed before, are added to the errors.
+        """
+        std = np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
+        rows = ("survey_position",)
+        heading, clock = (table.attrs.get(f"{name}_error", 0.0) for name in ("heading", "clock"))
+        unit = np.array([1.0, 1.0, 1.0, 1 / c])
+        return table.assign(
+            survey_name=(rows, table["position"].values[self.first].astype(object)),
+            survey_rx=((*rows, "xyz"), table["rx_position"].values[self.first], {"units": "m"}),
+            survey_rx_correction=((*rows, "xy"), self.errors[:, :2], {"units": "m"}),
+            survey_heading=(rows, self.errors[:, HEADING] + heading, {"units": "degree"}),
+            survey_clock=(rows, self.errors[:, CLOCK] / c + clock, {"units": "s"}),
+            survey_rx_std=((*rows, "xy"), std[:, :2], {"units": "m"}),
+            survey_heading_std=(rows, std[:, HEADING], {"units": "degree"}),
+            survey_clock_std=(rows, std[:, CLOCK] / c, {"units": "s"}),
+            survey_covariance=(
+                (*rows, "error", "error_2"),
+                self.covariance * unit[:, None] * unit,
+                {"long_name": "covariance of east [m], north [m], heading [degree] and clock [s]"},
+            ),
+        )
+
     def moves(self, other: "PositionErrors", table: "xr.Dataset") -> bool:
         """Whether other errors of the positions make paths of a table clearly different."""
         change = self.errors - other.errors
@@ -120,9 +145,12 @@ def from_direct_paths(table: "xr.Dataset", given: SurveyStd, *, common: bool = F
         See `PositionErrors`.
     """
     start = PositionErrors.none(table, given, common=common)
-    found = find_direct_paths(Observations.of(table), most=1)
-    rows = np.flatnonzero(found[0].weight > 0.5) if found else np.empty(0, dtype=np.int64)
-    if len(rows) < LEAST_PATHS or found[0].evidence < LEAST_EVIDENCE * len(rows):
+    if not table.sizes["mpc"]:
+        return start
+    seen = Observations.of(table)
+    direct = max((direct_paths_at(seen, 0.0, 0.0, spreads) for spreads in SPREADS), key=lambda one: one.evidence)
+    rows = np.flatnonzero(direct.weight > 0.5)
+    if len(rows) < FEWEST_DIRECT or direct.evidence < LEAST_EVIDENCE * len(rows):
         return start
     tx, rx = table["tx_position"].values[rows], table["rx_position"].values[rows]
     paths = MeasuredPaths(
@@ -134,8 +162,8 @@ def from_direct_paths(table: "xr.Dataset", given: SurveyStd, *, common: bool = F
         start.number[rows],
         np.empty((len(rows), 0), dtype=np.int64),
     )
-    seen = adjust(paths, NO_FACES, len(start.first), given, common=common)
-    return replace(start, errors=seen.errors, covariance=seen.covariance)
+    found = adjust(paths, NO_FACES, len(start.first), given, common=common)
+    return replace(start, errors=found.errors, covariance=found.covariance)
 
 
 def _widths(table: "xr.Dataset", covariance: FloatArray) -> tuple[FloatArray, FloatArray]:

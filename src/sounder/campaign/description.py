@@ -90,7 +90,9 @@ class Map(Table):
     max_loss: Positive | None = None
     min_support: Annotated[int, Field(ge=1)] = 3
     ground: float = 0.0
-    rx_std: NotNegative = 0.0
+    rx_std: NotNegative | None = None
+    heading_std: NotNegative | None = None
+    clock_std: NotNegative | None = None
     as_given: bool = False
     origin: Annotated[
         tuple[float, float] | tuple[float, float, float] | None,

@@ -186,7 +186,9 @@ def _set_up(result: "CampaignResult", positions: list[_Position], page: Page) ->
         if files:
             rows.append((label, ", ".join(f"`{name}`" for name in files)))
     rows.append(("processing", _options(json.loads(positions[0].attributes["processing_options"]))))
-    asked = campaign.map.model_dump(include={"threshold", "max_loss", "min_support", "ground", "rx_std"})
+    asked = campaign.map.model_dump(
+        include={"threshold", "max_loss", "min_support", "ground", "rx_std", "heading_std", "clock_std"}
+    )
     rows.append(("map", _options(asked)))
     if (place := campaign.map.georeference) is not None:
         where = f"{place.latitude:.10g}, {place.longitude:.10g}, {place.height:g} m"

@@ -24,6 +24,7 @@ from erm.mpcs.files import read_mpcs, write_mpcs
 from erm.mpcs.reflection_points import write_reflection_points
 from erm.reconstruction.extend import with_images
 from erm.reconstruction.make_map import make_map
+from erm.survey.position_files import positions_of
 from erm.survey.report import warnings
 from sounder.campaign.description import Campaign, load_campaign
 from sounder.campaign.page import fill_page
@@ -117,7 +118,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
     _write_parameters(outcome.products, out)
     environment, located = _make_map(campaign, table, outcome.products)
     for suffix in campaign.map.formats:
-        write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located))
+        write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located), positions=positions_of(located))
     write_reflection_points(located, out / POINTS)
     result = CampaignResult(
         campaign,
@@ -180,6 +181,8 @@ def _make_map(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -
         min_support=options.min_support,
         ground_height=options.ground,
         rx_std=options.rx_std,
+        heading_std=options.heading_std,
+        clock_std=None if options.clock_std is None else options.clock_std * 1e-9,
         as_given=options.as_given,
     )
     return replace(environment, georeference=options.georeference), located

@@ -73,7 +73,9 @@ def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
         "max_reflection_loss": 9,
         "min_support": 2,
         "ground_height": -1,
-        "rx_std": 0,
+        "rx_std": None,
+        "heading_std": None,
+        "clock_std": None,
         "as_given": False,
     }
 

@@ -50,7 +50,7 @@ def test_recordings_and_calibration_are_all_that_must_be_said(campaign, tmp_path
     assert made.processing.options == Options()
     # the defaults of `erm reconstruct`
     assert (made.map.threshold, made.map.max_loss, made.map.min_support) == ("consistency", None, 3)
-    assert (made.map.ground, made.map.rx_std, made.map.georeference) == (0.0, 0.0, None)
+    assert (made.map.ground, made.map.rx_std, made.map.georeference) == (0.0, None, None)
     assert made.map.formats == ("h5", "geojson")
     assert made.figures.wanted("anybody")
 

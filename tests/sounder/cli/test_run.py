@@ -78,7 +78,8 @@ def test_one_command_makes_products_table_map_figures_and_report(made):
     assert {"delay_std", "azimuth_std", "elevation_std", "path_gain_std"} < set(header)
     options = json.loads(open_group(out / "map.h5").attrs["processing_options"])
     assert options == {
-        "threshold": "consistency", "max_reflection_loss": None, "ground_height": 0.0, "min_support": 2, "rx_std": 0.0
+        "threshold": "consistency", "max_reflection_loss": None, "ground_height": 0.0, "min_support": 2,
+        "rx_std": None, "heading_std": None, "clock_std": None,
     }  # fmt: skip
     inputs = json.loads(open_group(out / "map.h5").attrs["input_sha256"])
     assert inputs == {name.removeprefix("products/"): sha for name, sha in digest(out).items() if "products" in name}

@@ -33,6 +33,7 @@ def write_map(
     path: Path | str,
     *,
     mpcs: "xr.Dataset | None" = None,
+    positions: "xr.Dataset | None" = None,
     height: float = DRAWING_HEIGHT,
     margin: float = DRAWING_MARGIN,
     frequency: float = DRAWING_FREQUENCY,
@@ -50,6 +51,8 @@ def write_map(
         The file.
     mpcs : xarray.Dataset, optional
         MPCs that the map was made from. HDF5 keeps them in the group ``/mpc``; other formats do not.
+    positions : xarray.Dataset, optional
+        Positions without the errors of the survey. HDF5 keeps them in the group ``/positions``; other formats do not.
     height, margin : float
         Drawings only. Walls without upper end are cut at this height above the ground; ground and ceiling extend
         by this margin beyond the walls [m]. See `erm.maps.formats.surfaces.extrude`.
@@ -78,10 +81,10 @@ def write_map(
         _draw(environment, path, height, margin, frequency)
         return
     columns, scene = to_columns(environment.reflectors), to_scene(environment)
-    if mpcs is not None and path.suffix.lower() in HDF5:
+    if path.suffix.lower() in HDF5:
         from erm.maps.formats import hdf5
 
-        hdf5.write(columns, scene, path, mpcs)
+        hdf5.write(columns, scene, path, {"/mpc": mpcs, "/positions": positions})
         return
     write, _ = _format_of(path)
     write(columns, scene, path)

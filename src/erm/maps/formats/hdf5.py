@@ -1,6 +1,7 @@
 """Environment as netCDF4-compatible HDF5: the reflector table with units; properties of the scene as attributes."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,10 +23,12 @@ UNITS = (
 SCENE = ("ground", "ceiling", "materials", "georeference")
 
 
-def write(columns: Columns, scene: dict[str, Any], path: Path, mpcs: "xr.Dataset | None" = None) -> None:
+def write(
+    columns: Columns, scene: dict[str, Any], path: Path, groups: "Mapping[str, xr.Dataset | None] | None" = None
+) -> None:
     """Write columns as variables along ``reflector``. Ground, ceiling and materials are JSON attributes.
 
-    MPCs that the map was made from, if given, become the group ``/mpc``.
+    Each of ``groups`` that is not None is written, too.
     """
     import xarray as xr
 
@@ -41,7 +44,8 @@ def write(columns: Columns, scene: dict[str, Any], path: Path, mpcs: "xr.Dataset
             table[name].attrs["units"] = UNITS[name]
         elif name in ("kind", "material"):
             table[name].encoding["dtype"] = str  # an empty table of objects does not tell that it holds text
-    write_product({"/": table} if mpcs is None else {"/": table, "/mpc": mpcs}, path)
+    others = {name: group for name, group in (groups or {}).items() if group is not None}
+    write_product({"/": table} | others, path)
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
