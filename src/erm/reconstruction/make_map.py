@@ -101,5 +101,5 @@ def make_map(
         "as_given": as_given,
     }
     origin = provenance("Reconstructed environment", history, inputs=inputs, options=options)
-    environment.reflectors.attrs.update(origin | attributes(calibration, causes, selected, as_given=as_given))
+    environment.reflectors.attrs.update(origin | attributes(calibration, causes, located, as_given=as_given))
     return environment, located

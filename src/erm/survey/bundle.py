@@ -269,8 +269,9 @@ def _converged(
         moved = problem.stepped(state, solution)
         std, scale, ratio = _variance_components(moved, solution, value, parts, free, errors_known=errors_known)
         before = state
-        change = np.abs(np.log(np.divide(std, state.std, out=np.ones(3), where=state.std > 0))).max()
-        change = max(change, np.abs(np.log(scale / state.scale)).max())
+        change = np.abs(
+            np.r_[std - state.std, scale - state.scale] / np.r_[np.maximum(state.std, EPSILON), state.scale]
+        ).max()
         size = np.abs(solution.shared) / np.sqrt(np.diag(solution.shared_covariance))
         step = max(size.max(initial=0.0), np.abs(solution.block).max(initial=0.0))
         state = replace(moved, std=std, scale=scale)
