@@ -100,7 +100,8 @@ def describe(error: ValidationError, model: type[BaseModel]) -> str:
     parts: dict[str, str] = {}
     hints: set[str] = set()
     for item in error.errors():
-        *parents, last = item["loc"] or ("",)
+        # a part in angle brackets is the kind of a table, not a key
+        *parents, last = [part for part in item["loc"] if not str(part).startswith("<")] or [""]
         key = ".".join(map(str, [*parents, last]))
         if item["type"] == "missing" and isinstance(last, int):  # a tuple that is too short has an error for each place
             key = ".".join(map(str, parents))

@@ -120,9 +120,9 @@ def _set_bandwidth(tables: dict, sounder: Sounder, bandwidth: float) -> None:
     """Change the sample rate, and the order of the sequence with it."""
     waveform = tables["waveform"]
     ratio = bandwidth / sounder.waveform.sample_rate
-    waveform["order"] = sounder.waveform.order + round(float(np.log2(ratio)))
+    waveform["order"] = sounder.sequence.order + round(float(np.log2(ratio)))
     waveform["polynomial"] = PRIMITIVE_POLYNOMIALS.get(waveform["order"], ())
-    waveform["sample_rate"], waveform["chip_rate"] = bandwidth, sounder.waveform.chip_rate * ratio
+    waveform["sample_rate"], waveform["chip_rate"] = bandwidth, sounder.sequence.chip_rate * ratio
     tables["processing"]["bandwidth"] = sounder.bandwidth * ratio
 
 

@@ -10,9 +10,9 @@ from erm.common.errors import DataError
 from sounder.cir.amplitudes import amplitude_wall
 from sounder.cir.matched_filter import MatchedFilter
 from sounder.cir.power_spectrum import noise_power
+from sounder.cir.responses import noise_spectrum, reference_spectrum
 from sounder.instrument.description import Sounder
 from sounder.instrument.touchstone import transmission
-from sounder.instrument.waveform import held_template
 from sounder.recordings.recording import BackToBack
 
 REGULARISATION = 1e-4
@@ -59,6 +59,8 @@ class Deembedding:
     wall : float
         Share of the samples of the back-to-back that are close to the largest amplitude [1]; see
         `sounder.cir.amplitudes.amplitude_wall`.
+    measures_dc : bool
+        Whether the bin at the carrier is measured, as in transfer functions.
     """
 
     transfer: Complex
@@ -68,6 +70,7 @@ class Deembedding:
     sample_rate: float
     self_noise: float = 0.0
     wall: float = 0.0
+    measures_dc: bool = False
 
     @cached_property
     def matched_filter(self) -> MatchedFilter:
@@ -90,6 +93,8 @@ class Deembedding:
             CIR: amplitude of the path gain, including the receive antenna.
         """
         cir = np.fft.ifft(np.fft.fft(np.asarray(correlation, complex)) * self.transfer)
+        if self.measures_dc:
+            return cir
         offset = np.median(cir.real, axis=-1) + 1j * np.median(cir.imag, axis=-1)
         return cir - offset[..., None]
 
@@ -132,14 +137,17 @@ def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounde
     waveform = sounder.waveform
     frequency: Real = np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate).astype(float)
     window = band_window(sounder)
-    window[0] = 0.0
+    measures_dc = b2b.kind == "ctf"
+    if not measures_dc:
+        window[0] = 0.0
     inside = window > 0
-    template = np.conj(np.fft.fft(held_template(waveform)))
+    template = reference_spectrum(b2b.kind, sounder)
     response = np.where(inside, np.fft.fft(mean_correlation) / np.where(inside, template, 1), 0)
     power = np.abs(response) ** 2
     regularised = power + REGULARISATION * power[inside].mean()
     kept = window * power / regularised
-    kept[0] = (kept[1] + kept[-1]) / 2
+    if not measures_dc:
+        kept[0] = (kept[1] + kept[-1]) / 2
     amplitude = scale_factor / b2b.scale_factor
     if not b2b.includes_tx_antenna:
         amplitude /= 10 ** (sounder.tx_antenna.gain / 20)
@@ -147,7 +155,7 @@ def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounde
     norm = waveform.samples / kept.sum()
     transfer = np.where(inside, window * np.conj(response) / regularised / np.where(inside, template, 1), 0)
     transfer = transfer * through * amplitude * norm
-    noise = np.abs(template * transfer) ** 2
+    noise = np.abs(noise_spectrum(b2b.kind, sounder, response) * transfer) ** 2
     return Deembedding(
         transfer=transfer,
         pulse=np.fft.ifft(kept) * norm,
@@ -155,7 +163,8 @@ def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounde
         noise=noise / noise.mean(),
         sample_rate=waveform.sample_rate,
         self_noise=_self_noise(mean_correlation) * len(b2b.captures),
-        wall=amplitude_wall(b2b.captures[0]),
+        wall=amplitude_wall(b2b.captures[0]) if b2b.kind == "iq" else 0.0,
+        measures_dc=measures_dc,
     )
 
 
@@ -204,7 +213,12 @@ def _require_peak(b2b: BackToBack, correlation: Complex, sounder: Sounder) -> No
     near = np.roll(power, power.size // 8 - int(np.argmax(power)))[: power.size // 4]
     gathered = near.sum() / power.sum()
     if gathered < 0.6:
-        waveform = sounder.waveform
+        if b2b.kind != "iq":
+            raise DataError(
+                f"{b2b.source}: {100 * gathered:.0f} % of the power of the back-to-back is around one delay; "
+                "expected at least 60 %"
+            )
+        waveform = sounder.sequence
         raise DataError(
             f"{b2b.source}: back-to-back of another sounder: the sequence of {sounder.name} (order {waveform.order}, "
             f"polynomial {list(waveform.polynomial)}, {waveform.direction}) does not stand out in it "

@@ -15,7 +15,7 @@ from sounder.cir.amplitudes import WALL, amplitude_wall, component_wall
 from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.cir.phase_alignment import AlignedMean, align_snapshots, average_on_line, common_offsets
 from sounder.cir.power_average import PowerAverage
-from sounder.instrument.waveform import chips
+from sounder.cir.responses import Correlator, correlator_of, power_of_responses
 from sounder.kernels.compiler.machine import processors
 from sounder.kernels.correlation.clipping import count_rails
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
@@ -57,7 +57,6 @@ def calibrate(b2b: BackToBack, recording: Recording | BackToBack) -> Deembedding
     >>> float(abs(deembedding.pulse[0]).round(6))  # a path of amplitude 1 has a peak of 1
     1.0
     """
-    waveform = recording.sounder.waveform
     captures = b2b.captures
     if not np.isfinite(captures).all():
         raise DataError(f"{b2b.source}: back-to-back samples are NaN or infinite; record it again")
@@ -65,8 +64,13 @@ def calibrate(b2b: BackToBack, recording: Recording | BackToBack) -> Deembedding
         raise DataError(f"{b2b.source}: the back-to-back captures are clipped; record them with less gain")
     complex_captures = captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]
     mean = complex_captures.mean(axis=0, dtype=complex)
-    if mean.size == waveform.samples:
-        mean = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip).correlate_mean(mean)
+    if b2b.kind != recording.kind:
+        raise DataError(
+            f"{b2b.source}: the back-to-back is {b2b.kind}, the recording {recording.source} is {recording.kind}; "
+            "expected the same kind of captures"
+        )
+    if mean.size == recording.sounder.waveform.samples:
+        mean = correlator_of(b2b.kind, recording.sounder).correlate_mean(mean)
     return make_deembedding(b2b, mean, recording.sounder, recording.scale_factor)
 
 
@@ -126,7 +130,7 @@ def impulse_responses(
     """
     require_choice("averaging", averaging, Averaging)
     waveform = recording.sounder.waveform
-    correlator = MSequenceCorrelator(chips(waveform), waveform.samples_per_chip)
+    correlator = correlator_of(recording.kind, recording.sounder)
     shape = (recording.azimuth.size, recording.elevation.size)
     cir = np.full((*shape, waveform.samples), np.nan + 0j, np.complex64)
     coherence, offset, drift = np.full((3, *shape), np.nan)
@@ -217,7 +221,7 @@ class _Blocks:
         self._bound = max(WALL, 4 * wall)
         self._walls = 0.0, 0.0
         self._place = (azimuth, elevation)
-        self.snapshots = recording.snapshots
+        self.snapshots, self.source = recording.snapshots, recording.source
         self._step = max(BLOCK_BYTES // (4 * recording.sounder.waveform.samples), 1)
         self.signal = False
         self._finite = True
@@ -236,7 +240,7 @@ class _Blocks:
             else:
                 self.signal = self.signal or bool(captures.any())
                 self._finite = self._finite and bool(np.isfinite(captures).all())
-            if first == 0:
+            if first == 0 and self._recording.kind == "iq":
                 self._walls = component_wall(captures[0]), amplitude_wall(captures[0])
             yield captures
 
@@ -255,7 +259,7 @@ class _Blocks:
         return None
 
 
-def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator) -> DirectionAverage:
+def _coherent(blocks: _Blocks, correlator: Correlator) -> DirectionAverage:
     sums = correlator.accumulator()
     for captures in blocks:
         sums.add(captures)
@@ -267,12 +271,18 @@ def _coherent(blocks: _Blocks, correlator: MSequenceCorrelator) -> DirectionAver
     return DirectionAverage(mean, coherence, blocks.problem)
 
 
-def _phase_aligned(blocks: _Blocks, correlator: MSequenceCorrelator) -> DirectionAverage:
-    return _of_aligned(blocks, align_snapshots(blocks, correlator))
+def _phase_aligned(blocks: _Blocks, correlator: Correlator) -> DirectionAverage:
+    return _of_aligned(blocks, align_snapshots(blocks, _of_sequence(blocks, correlator)))
 
 
-def _on_line(blocks: _Blocks, correlator: MSequenceCorrelator, offset: float) -> DirectionAverage:
-    return _of_aligned(blocks, average_on_line(blocks, correlator, offset))
+def _on_line(blocks: _Blocks, correlator: Correlator, offset: float) -> DirectionAverage:
+    return _of_aligned(blocks, average_on_line(blocks, _of_sequence(blocks, correlator), offset))
+
+
+def _of_sequence(blocks: _Blocks, correlator: Correlator) -> MSequenceCorrelator:
+    if not isinstance(correlator, MSequenceCorrelator):
+        raise DataError(f"{blocks.source}: phase-aligned averaging needs IQ captures; these are responses")
+    return correlator
 
 
 def _of_aligned(blocks: _Blocks, found: AlignedMean | None) -> DirectionAverage:
@@ -281,15 +291,19 @@ def _of_aligned(blocks: _Blocks, found: AlignedMean | None) -> DirectionAverage:
     return DirectionAverage(found.mean, found.coherence, blocks.problem, found.offset, found.drift)
 
 
-def _power(blocks: _Blocks, average: PowerAverage) -> DirectionAverage:
+def _power(blocks: _Blocks, average: Callable[[_Blocks], NDArray[np.complexfloating]]) -> DirectionAverage:
     cir = average(blocks)
     return DirectionAverage(cir if blocks.signal else None, np.nan, blocks.problem)
 
 
 def _averager(
-    averaging: Averaging, correlator: MSequenceCorrelator, deembedding: Deembedding
+    averaging: Averaging, correlator: Correlator, deembedding: Deembedding
 ) -> Callable[[_Blocks], DirectionAverage]:
     """Average of one direction."""
-    if averaging == "power":
+    if averaging == "coherent":
+        return partial(_coherent, correlator=correlator)
+    if averaging == "phase-aligned":
+        return partial(_phase_aligned, correlator=correlator)
+    if isinstance(correlator, MSequenceCorrelator):
         return partial(_power, average=PowerAverage(correlator.template, deembedding))
-    return partial(_coherent if averaging == "coherent" else _phase_aligned, correlator=correlator)
+    return partial(_power, average=partial(power_of_responses, correlator=correlator, deembed=deembedding.apply))

@@ -2,95 +2,23 @@
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from erm.common.errors import DataError
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_files import read_cut
 from sounder.instrument.stated import Connection, Receiver, Survey, Transmitter
+from sounder.instrument.waveform_description import AnyWaveform, Sweep, Waveform
 from sounder.toml import NotNegative, Positive, Table, read_toml
 
 MIN_SPECTRAL_LINES = 16
 """Fewest spectral lines in the band kept. A delay is the slope of the phase over them. Chosen, not derived."""
 
 
-class Waveform(Table):
-    """The transmitted m-sequence.
-
-    Attributes
-    ----------
-    order : int
-        The sequence has ``2**order - 1`` chips.
-    polynomial : tuple of int
-        Exponents of the primitive characteristic polynomial, highest first: ``(9, 4, 0)`` is ``x^9 + x^4 + 1``, that
-        is ``s[n+9] = s[n+4] xor s[n]``.
-    direction : {"forward", "reversed"}
-        Order in which the chips are sent.
-    polarity : {"positive", "negative"}
-        Sign of a 0 bit.
-    chip_rate, sample_rate : float
-        [Hz]
-    samples_per_chip : int
-        Must be ``sample_rate / chip_rate``.
-    """
-
-    order: Annotated[int, Field(ge=7, le=15)]
-    polynomial: tuple[int, ...]
-    direction: Literal["forward", "reversed"] = "forward"
-    polarity: Literal["positive", "negative"] = "positive"
-    chip_rate: Positive
-    samples_per_chip: Annotated[int, Field(ge=1, le=4)]
-    sample_rate: Positive
-
-    @property
-    def chips(self) -> int:
-        """Chips in a period, ``2**order - 1``."""
-        return 2**self.order - 1
-
-    @property
-    def samples(self) -> int:
-        """Samples in a period, and so in a capture."""
-        return self.chips * self.samples_per_chip
-
-    @property
-    def period(self) -> float:
-        """Length of the sequence, the largest unambiguous delay [s]."""
-        return self.samples / self.sample_rate
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        expected = self.chip_rate * self.samples_per_chip
-        if abs(self.sample_rate / expected - 1) > 1e-9:
-            raise ValueError(
-                f"sample_rate is {self.sample_rate:g} Hz, but chip_rate x samples_per_chip is {expected:g} Hz"
-            )
-        exponents = sorted(set(self.polynomial), reverse=True)
-        if list(self.polynomial) != exponents or exponents[:1] != [self.order] or exponents[-1] != 0:
-            raise ValueError(
-                f"polynomial is {list(self.polynomial)}; expected exponents in descending order from {self.order} "
-                "(the order) to 0"
-            )
-        if (period := _register_period(self.order, self.polynomial)) != self.chips:
-            raise ValueError(
-                f"polynomial is {list(self.polynomial)}, which is not primitive: its sequence repeats after {period} "
-                f"chips, not {self.chips}"
-            )
-        return self
-
-
-def _register_period(order: int, polynomial: tuple[int, ...]) -> int:
-    """Steps after which the shift register of a polynomial returns to its first state."""
-    taps = sum(1 << exponent for exponent in polynomial if exponent < order)
-    state, steps = 1, 0
-    while steps == 0 or state != 1:
-        state = state >> 1 | ((state & taps).bit_count() & 1) << order - 1
-        steps += 1
-    return steps
-
-
 class Carrier(Table):
-    """The carrier: ``frequency = lo_frequency * multiplier + if_frequency``.
+    """The carrier. Where the local oscillator is known, ``frequency = lo_frequency * multiplier + if_frequency``.
 
     Attributes
     ----------
@@ -98,19 +26,21 @@ class Carrier(Table):
         Carrier frequency at the antennas [Hz].
     if_frequency : float
         Intermediate frequency [Hz].
-    lo_frequency : float
+    lo_frequency : float, optional
         Frequency of the local oscillator before its multiplier [Hz].
     multiplier : int
         Factor of the frequency multiplier.
     """
 
     frequency: Positive
-    if_frequency: NotNegative
-    lo_frequency: Positive
-    multiplier: Annotated[int, Field(ge=1)]
+    if_frequency: NotNegative = 0.0
+    lo_frequency: Positive | None = None
+    multiplier: Annotated[int, Field(ge=1)] = 1
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        if self.lo_frequency is None:
+            return self
         made = self.lo_frequency * self.multiplier + self.if_frequency
         if abs(made / self.frequency - 1) > 1e-9:
             raise ValueError(
@@ -203,7 +133,7 @@ class Sounder(Table):
     ----------
     name : str
         Shown in messages.
-    waveform : Waveform
+    waveform : Waveform or Sweep
     carrier : Carrier
     tx_antenna, rx_antenna : Antenna
     scan : Scan
@@ -225,7 +155,7 @@ class Sounder(Table):
     """
 
     name: str
-    waveform: Waveform
+    waveform: AnyWaveform
     carrier: Carrier
     tx_antenna: Antenna
     rx_antenna: Antenna
@@ -242,20 +172,31 @@ class Sounder(Table):
         """Bandwidth kept by the de-embedding [Hz]: ``processing.bandwidth``, or 0.9 of the main lobe.
 
         The spectrum of held chips has its first null at the chip rate. The main lobe is twice as wide, or as wide as
-        the sample rate if that is less. Nine tenths of it leave out the null.
+        the sample rate if that is less. Nine tenths of it leave out the null. Of a sweep it is the whole band.
         """
-        return self.processing.bandwidth or 0.9 * self._main_lobe
+        if isinstance(self.waveform, Sweep):
+            return self.processing.bandwidth or (self.waveform.points - 1) * self.waveform.step
+        return self.processing.bandwidth or 0.9 * self.waveform.main_lobe
 
     @property
-    def _main_lobe(self) -> float:
-        return min(2 * self.waveform.chip_rate, self.waveform.sample_rate)
+    def sequence(self) -> Waveform:
+        """The m-sequence.
+
+        Raises
+        ------
+        DataError
+            The sounder sweeps the frequency.
+        """
+        if isinstance(self.waveform, Sweep):
+            raise DataError(f"{self.name} sweeps the frequency; expected a sounder that sends an m-sequence")
+        return self.waveform
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.bandwidth >= self._main_lobe:
+        if self.bandwidth >= self.waveform.main_lobe:
             raise ValueError(
-                f"processing.bandwidth is {self.bandwidth / 1e9:g} GHz; expected less than the main lobe of the chips, "
-                f"{self._main_lobe / 1e9:g} GHz"
+                f"processing.bandwidth is {self.bandwidth / 1e9:g} GHz; expected less than "
+                f"{self.waveform.main_lobe / 1e9:g} GHz"
             )
         if self.bandwidth * self.waveform.period < MIN_SPECTRAL_LINES:
             least = MIN_SPECTRAL_LINES / self.waveform.period

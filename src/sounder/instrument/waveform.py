@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from sounder.instrument.description import Waveform
+from sounder.instrument.waveform_description import Waveform
 
 
 def m_sequence(order: int, polynomial: tuple[int, ...]) -> NDArray[np.int8]:

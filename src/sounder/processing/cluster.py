@@ -130,7 +130,7 @@ def _compile_kernels(job: Job) -> None:
     from sounder.mpc.extract import extract_mpcs
 
     sounder = job.recording.sounder
-    correlator = MSequenceCorrelator(chips(sounder.waveform), sounder.waveform.samples_per_chip)
+    correlator = MSequenceCorrelator(chips(sounder.sequence), sounder.sequence.samples_per_chip)
     correlator.average(np.zeros((1, correlator.samples, 2), np.int16))
     shape = {"azimuth": 1, "elevation": 1, "delay": sounder.waveform.samples}
     coords = {name: np.arange(size) for name, size in shape.items()}

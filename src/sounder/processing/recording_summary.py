@@ -76,7 +76,7 @@ def describe_back_to_back(b2b: BackToBack) -> Lines:
             f"order {found.order}, polynomial {list(found.polynomial)} {found.direction}, {found.polarity}, "
             f"{found.samples_per_chip} samples per chip; {found.margin:.1f} dB above the next best"
         )
-        described = b2b.sounder.waveform
+        described = b2b.sounder.sequence
         expected = f"order {described.order}, polynomial {list(described.polynomial)} {described.direction}"
         same = is_same_sequence(found, described)
         sequence += f"; {'agrees with the description:' if same else 'differs from the description:'} {expected}"
@@ -100,7 +100,7 @@ def describe_sounder(sounder: Sounder) -> Lines:
         ("sounder", f"{sounder.name}, {sounder.carrier.frequency / 1e9:g} GHz"),
         (
             "waveform",
-            f"order {waveform.order}, {waveform.samples} samples at {waveform.sample_rate / 1e9:g} GS/s, "
+            f"{waveform.summary}, {waveform.samples} samples at {waveform.sample_rate / 1e9:g} GS/s, "
             f"{waveform.period * 1e9:.2f} ns",
         ),
     ]

@@ -30,7 +30,7 @@ def check_back_to_back(b2b: BackToBack, sounder: Sounder, *, trust_all: bool = F
 
     Snapshots that start at another sample than most are left out, unless they are trusted. A recording that cannot be
     correlated at all, of another length or with samples that are not finite, is not checked here: it is refused when it
-    is used.
+    is used. Responses are not checked.
 
     Parameters
     ----------
@@ -49,7 +49,12 @@ def check_back_to_back(b2b: BackToBack, sounder: Sounder, *, trust_all: bool = F
     []
     """
     captures = b2b.captures
-    if captures.shape[1] != sounder.waveform.samples or not np.isfinite(captures).all() or not captures.any():
+    if (
+        b2b.kind != "iq"
+        or captures.shape[1] != sounder.waveform.samples
+        or not np.isfinite(captures).all()
+        or not captures.any()
+    ):
         return CheckedBackToBack(b2b, [])
     response = check.Response.of(captures, sounder)
     remarks = []

@@ -31,7 +31,7 @@ def noise_power(daps: xr.Dataset, deembedding: Deembedding, recording: Recording
         The filter that made it.
     recording : Recording
     """
-    template = np.fft.fft(held_template(recording.sounder.waveform))
+    template = np.fft.fft(held_template(recording.sounder.sequence))
     gain = np.mean(np.abs(template * deembedding.transfer) ** 2)
     quiet = float(np.nanquantile(daps["noise_floor"].values, QUIET))
     samples = quiet - 10 * np.log10(gain / recording.snapshots)
@@ -60,7 +60,12 @@ def remarks_on_noise_level(daps: xr.Dataset, deembedding: Deembedding, recording
     """
     receiver = recording.sounder.receiver
     coherent = daps.attrs["averaging"] == "coherent"
-    if receiver.noise_figure is None or recording.scale_factor == RELATIVE_SCALE or not coherent:
+    if (
+        recording.kind != "iq"
+        or receiver.noise_figure is None
+        or recording.scale_factor == RELATIVE_SCALE
+        or not coherent
+    ):
         return []
     error = noise_power(daps, deembedding, recording) - thermal_noise(recording, receiver.noise_figure)
     bound = SIGMAS * receiver.noise_figure_std

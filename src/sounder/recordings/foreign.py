@@ -1,6 +1,6 @@
 """Reader of foreign HDF5 and MATLAB files, by a layout."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,9 @@ from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
 from sounder.recordings.foreign_file import ForeignFile, foreign_file, opener
 from sounder.recordings.layout import Layout, Reference, Samples
+from sounder.recordings.pulses import cut_around_peak, ideal_pulse
 from sounder.recordings.recording import BackToBack, Captures, Recording, check
+from sounder.recordings.sweep import sweep_tables
 
 SCAN_AXES = ("position", "azimuth", "elevation", "direction")
 """Axes along which captures were made at different places or in different directions."""
@@ -41,6 +43,7 @@ def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording |
     """
     with foreign_file(path) as file:
         described = _sounder(file, layout, sounder)
+        descending = _is_descending(file, layout)
         azimuth, elevation, order = _grid(file, layout)
         shape = _shape(file, layout.captures)
         positions = shape.get("position", 1)
@@ -70,7 +73,8 @@ def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording |
             valid=np.ones(directions, bool),
             los=los[p],
             time=None if times is None else times[p][order],
-            read=_reader(file_of_all, layout.captures, p, order, directions),
+            read=_reader(file_of_all, layout.captures, p, order, directions, descending),
+            kind=layout.captures.kind,
         )
         try:
             check(recording, shape["sample"])
@@ -82,21 +86,29 @@ def recordings(path: Path, layout: Layout, sounder: Sounder) -> list[Recording |
 
 
 def back_to_back(path: Path, layout: Layout, sounder: Sounder) -> BackToBack | None:
-    """Read the back-to-back captures of a foreign file; None if the layout names none."""
-    block = layout.back_to_back
-    if block is None:
-        return None
+    """Read the back-to-back captures of a foreign file.
+
+    If the layout names none: that of an ideal instrument for responses, which may be calibrated already; else None.
+    """
+    block, kind = layout.back_to_back, layout.captures.kind
     with foreign_file(path) as file:
+        described = _sounder(file, layout, sounder)
+        if block is None:
+            return ideal_pulse(path, described, kind, layout.captures.window)
         _shape(file, block)
+        captures = _captures(file, block, {}, descending=_is_descending(file, layout))
+        if kind == "cir":
+            captures = cut_around_peak(captures, described.waveform.samples)
         scale = layout.scale_factor if block.scale_factor is None else block.scale_factor
         return BackToBack(
             source=path,
-            sounder=_sounder(file, layout, sounder),
-            captures=_captures(file, block, {}),
+            sounder=described,
+            captures=captures,
             scale_factor=file.scale(scale, "scale_factor"),
             attenuation=file.number(block.attenuation, "back_to_back.attenuation"),
             s21=None,
             includes_tx_antenna=block.includes_tx_antenna,
+            kind=kind,
         )
 
 
@@ -160,10 +172,37 @@ def _sounder(file: ForeignFile, layout: Layout, sounder: Sounder) -> Sounder:
         return result
 
     tables = merged(sounder.model_dump(), layout.sounder)
+    if set(layout.sounder.get("carrier", {})) == {"frequency"}:  # the oscillator of another carrier does not apply
+        tables["carrier"] = {"frequency": tables["carrier"]["frequency"]}
+    tables |= _of_responses(file, layout, tables)
     for name in ("tx_antenna", "rx_antenna"):
         if isinstance(tables.get(name), dict) and tables[name].get("pattern") != "cut":
             tables[name]["cut"] = None
     return Sounder.from_tables(tables, f"{file.path}: the layout's [sounder]")
+
+
+def _is_descending(file: ForeignFile, layout: Layout) -> bool:
+    """Whether the frequencies of transfer functions are in descending order."""
+    if layout.captures.frequency is None:
+        return False
+    frequency = np.atleast_1d(file.numbers(layout.captures.frequency, "captures.frequency"))
+    return bool(frequency[0] > frequency[-1])
+
+
+def _of_responses(file: ForeignFile, layout: Layout, tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables of the description that follow from the frequencies or from the sample rate of responses."""
+    block = layout.captures
+    if block.frequency is not None:
+        found = sweep_tables(
+            np.atleast_1d(file.numbers(block.frequency, "captures.frequency")).astype(float), file.path
+        )
+    elif block.sample_rate is not None:
+        points = _shape(file, block)["sample"]
+        found = {"waveform": {"points": points, "step": file.scale(block.sample_rate, "captures.sample_rate") / points}}
+    else:
+        return {}
+    bandwidth = layout.sounder.get("processing", {}).get("bandwidth")  # that of another waveform does not apply
+    return found | {"processing": {**tables["processing"], "bandwidth": bandwidth}}
 
 
 def _grid(
@@ -237,12 +276,23 @@ def _name(layout: Layout, path: Path, position: int) -> str:
     return pattern.format(position, file=path.stem)
 
 
+def _complex_fields(path: Path, dataset: str, names: Sequence[str]) -> tuple[str, str]:
+    """Names of the real and of the imaginary part of a record."""
+    parts = {name.lower()[:1]: name for name in names}
+    if len(names) != 2 or set(parts) != {"r", "i"}:
+        raise DataError(
+            f"{path}: {dataset} is a record of {', '.join(names)}; expected real and imaginary part, r and i"
+        )
+    return parts["r"], parts["i"]
+
+
 def _reader(
     opened: Callable[[], ForeignFile],
     block: Samples,
     position: int,
     order: tuple[NDArray[np.intp], NDArray[np.intp]],
     directions: tuple[int, int],
+    descending: bool,
 ) -> Callable[[int, int, slice], Captures]:
     """Reader of the captures of one direction, by its index in the ascending grid."""
 
@@ -250,13 +300,16 @@ def _reader(
         a, e = int(order[0][azimuth, 0]), int(order[1][0, elevation])
         direction = e * directions[0] + a if block.slowest == "elevation" else a * directions[1] + e
         where = {"position": position, "azimuth": a, "elevation": e, "direction": direction, "snapshot": snapshots}
-        return _captures(opened(), block, where)
+        return _captures(opened(), block, where, descending=descending)
 
     return read
 
 
-def _captures(file: ForeignFile, block: Samples, where: Mapping[str, Any]) -> Captures:
-    """Captures at ``where`` as (snapshot, sample, iq) if they are int16, otherwise complex64 (snapshot, sample)."""
+def _captures(file: ForeignFile, block: Samples, where: Mapping[str, Any], *, descending: bool = False) -> Captures:
+    """Captures at ``where`` as (snapshot, sample, iq) if they are int16, otherwise complex64 (snapshot, sample).
+
+    ``descending`` reverses the samples.
+    """
     index = tuple(where.get(axis, slice(None)) for axis in block.axes)
     axes = [axis for axis in block.axes if axis in ("snapshot", "sample", "iq")]
     data = np.asarray(file.node(block.dataset)[index])
@@ -264,11 +317,14 @@ def _captures(file: ForeignFile, block: Samples, where: Mapping[str, Any]) -> Ca
         imaginary = np.asarray(file.node(block.imaginary)[index])
         data, axes = np.stack([data, imaginary], axis=-1), [*axes, "iq"]
     if data.dtype.names is not None:  # MATLAB 7.3 stores complex numbers as records (real, imag)
-        data = data[data.dtype.names[0]] + 1j * data[data.dtype.names[1]]
+        fields = _complex_fields(file.path, block.dataset, data.dtype.names)
+        data = data[fields[0]] + 1j * data[fields[1]]
     if "snapshot" not in axes:
         data, axes = data[None], ["snapshot", *axes]
     wanted = [axis for axis in ("snapshot", "sample", "iq") if axis in axes]
     data = np.transpose(data, [axes.index(axis) for axis in wanted])
+    if descending:
+        data = np.flip(data, axis=1)
     if data.dtype == np.int16 and "iq" in axes:
         return np.ascontiguousarray(data)
     if "iq" in axes:

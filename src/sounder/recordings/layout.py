@@ -3,11 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from sounder.recordings.recording import Kind
 from sounder.toml import Alternatives, Table, read_toml
 
 Axis = Literal["position", "azimuth", "elevation", "direction", "snapshot", "sample", "iq"]
+SAMPLES = ("delay", "frequency")
+"""Other names of the axis ``sample``."""
 
 
 class Reference(Table):
@@ -47,6 +50,11 @@ class Samples(Table):
     axes: tuple[Axis, ...]
     slowest: Literal["azimuth", "elevation"] = "elevation"
 
+    @field_validator("axes", mode="before")
+    @classmethod
+    def _named(cls, axes: Any) -> Any:
+        return ["sample" if axis in SAMPLES else axis for axis in axes] if isinstance(axes, (list, tuple)) else axes
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if len(set(self.axes)) != len(self.axes):
@@ -57,6 +65,29 @@ class Samples(Table):
             raise ValueError("axes has direction and azimuth or elevation; expected one or the other")
         if self.imaginary is not None and "iq" in self.axes:
             raise ValueError("axes has iq, but imaginary says that I and Q are two datasets")
+        return self
+
+
+class ScanSamples(Samples):
+    """Captures of a scan.
+
+    ``kind`` says what they are: ``iq``, samples of the received signal; ``cir``, impulse responses, correlated already;
+    ``ctf``, transfer functions (S21). ``frequency`` are those of a transfer function [Hz]; their spacing is constant.
+    ``sample_rate`` is that of impulse responses [Hz]; without it they have that of the described waveform. ``window``
+    names the window over frequency that impulse responses were made with, where there is no back-to-back.
+    """
+
+    kind: Kind = "iq"
+    frequency: Numbers | None = None
+    sample_rate: Number | None = None
+    window: Literal["boxcar", "hann", "hamming", "blackman"] | None = None
+
+    @model_validator(mode="after")
+    def _described(self) -> Self:
+        if (self.kind == "ctf") != (self.frequency is not None):
+            raise ValueError('kind "ctf" and the key frequency go together')
+        if self.kind != "cir" and (self.sample_rate is not None or self.window is not None):
+            raise ValueError('sample_rate and window are for kind "cir"')
         return self
 
 
@@ -111,7 +142,7 @@ class Layout(Table):
     ``sounder`` overrides single keys of the sounder description. Its values may be references.
     """
 
-    captures: Samples
+    captures: ScanSamples
     scale_factor: Number = 1.0
     agc_gain: Number = 0.0
     grid: Grid

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
 
 Captures = NDArray[np.int16] | NDArray[np.complex64]
+Kind = Literal["iq", "cir", "ctf"]
+"""What captures are: samples of the received signal, impulse responses (correlated already), or transfer functions in
+ascending order of frequency."""
 
 CLIPPED_SHARE = 1e-3
 """Share of the numbers at the ends of the converter's range above which captures count as clipped. Chosen; not derived.
@@ -50,6 +54,8 @@ class Recording:
     read : callable
         ``read(azimuth_index, elevation_index, snapshots)`` returns int16 ``(snapshot, sample, iq)`` or complex64
         ``(snapshot, sample)`` for a slice of snapshots.
+    kind : {"iq", "cir", "ctf"}
+        What the captures are.
 
     Examples
     --------
@@ -78,6 +84,7 @@ class Recording:
     los: int
     time: NDArray[np.float64] | None = field(repr=False)
     read: Callable[[int, int, slice], Captures] = field(repr=False)
+    kind: Kind = "iq"
 
     def captures(self, azimuth_index: int, elevation_index: int, snapshots: slice = slice(None)) -> Captures:
         """Read the captures of one direction: int16 (snapshot, sample, iq) or complex64 (snapshot, sample)."""
@@ -120,6 +127,8 @@ class BackToBack:
         True if the level already includes the gain of the transmit antenna, that is, refers to the EIRP.
     title : str
         One line.
+    kind : {"iq", "cir", "ctf"}
+        What the captures are; the same as in the recordings.
 
     Examples
     --------
@@ -138,6 +147,7 @@ class BackToBack:
     s21: tuple[NDArray[np.float64], NDArray[np.complex128]] | None = field(repr=False)
     includes_tx_antenna: bool
     title: str = "Back-to-back captures"
+    kind: Kind = "iq"
 
 
 def clipped_share(captures: Captures) -> float:
@@ -174,7 +184,7 @@ def check(recording: Recording, samples: int) -> None:
     if samples != waveform.samples:
         raise DataError(
             f"{recording.source}: {samples} samples per capture, but {recording.sounder.name} describes "
-            f"{waveform.samples} (order {waveform.order}, {waveform.samples_per_chip} samples per chip); "
+            f"{waveform.samples} ({waveform.summary}); "
             "pass its description with --sounder or export the recording again"
         )
     if recording.snapshots < 1:

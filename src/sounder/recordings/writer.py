@@ -30,8 +30,13 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
     Raises
     ------
     DataError
-        The captures are not int16; a native recording holds nothing else.
+        The captures are not IQ samples in int16; a native recording holds nothing else.
     """
+    if recording.kind != "iq":
+        raise DataError(
+            f"{recording.source}: captures are {recording.kind}; a native recording holds IQ samples; process the file "
+            "with its layout instead"
+        )
     inputs = [recording.source] if recording.source.is_file() else []
     with atomic_path(target) as temporary, new_hdf5(temporary) as file:
         file.attrs.update(provenance(f"Raw captures of {recording.name}", history, inputs=inputs))

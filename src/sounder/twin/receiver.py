@@ -197,7 +197,7 @@ def _sent_spectrum(sounder: Sounder, faults: Faults) -> Complex:
     """Spectrum at the receiver through a channel of gain 1: power, sequence and system response [sqrt(mW)]."""
     if sounder.transmitter.power is None:
         raise DataError(f"{sounder.name}: transmitter.power is missing; expected the power to simulate [dBm]")
-    sent: Complex = 10 ** (sounder.transmitter.power / 20) * np.fft.fft(band_limited_template(sounder.waveform))
+    sent: Complex = 10 ** (sounder.transmitter.power / 20) * np.fft.fft(band_limited_template(sounder.sequence))
     return sent * faults.system_response.response(_frequency(sounder)) if faults.system_response else sent
 
 

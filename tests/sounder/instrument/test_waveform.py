@@ -10,7 +10,6 @@ from scipy.io import loadmat
 from scipy.signal import max_len_seq
 
 from erm.common.errors import DataError
-from sounder.instrument.description import Waveform
 from sounder.instrument.waveform import (
     PRIMITIVE_POLYNOMIALS,
     band_limited_template,
@@ -19,6 +18,7 @@ from sounder.instrument.waveform import (
     identify,
     m_sequence,
 )
+from sounder.instrument.waveform_description import Waveform
 from sounder.recordings.native import back_to_back
 from sounder.shipped import calibration
 
