@@ -19,7 +19,7 @@ def test_info_describes_a_recording(campaign, capsys):
     assert shown["position"] == "RX1"
     assert shown["line of sight"] == "yes"
     assert shown["sounder"] == "small sounder, 132 GHz"
-    assert shown["waveform"] == "order 7, 254 samples at 1.2 GS/s, 211.67 ns"
+    assert shown["waveform"] == "order 7, 2 samples per chip, 254 samples at 1.2 GS/s, 211.67 ns"
     assert shown["directions"] == "12 azimuths x 2 elevations"
     assert shown["RX position"] == "12.00, 3.00, 1.50 m"
     assert shown["health"] == "no direction missing, none zero, none clipped"
