@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.power_spectrum import noise_power
+from sounder.cir.responses import Correlator, correlator_of
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.instrument.waveform import chips
-from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.mpc.clock import scan_order
 from sounder.options import Averaging
 from sounder.quality.beams import MIN_BEAMS, MISSING, Neighbours, contradictions, find_paths, shift_between
@@ -144,10 +143,9 @@ class Position:
         return scan_order(self.recording.time, *self.noise.shape).reshape(self.noise.shape)
 
     @cached_property
-    def correlator(self) -> MSequenceCorrelator:
+    def correlator(self) -> Correlator:
         """Correlator for single snapshots."""
-        waveform = self.recording.sounder.waveform
-        return MSequenceCorrelator(chips(waveform), waveform.samples_per_chip)
+        return correlator_of(self.recording.kind, self.recording.sounder)
 
     def replace(self, a: int, e: int, response: NDArray[np.complexfloating]) -> None:
         """Put a mended response in place."""
