@@ -44,6 +44,8 @@ UNSEEN = 10.0
 MISSING = 11.0
 """Power that a path lacks in a beam for it to be missing, if nothing is seen there [dB]. Two paths at one delay and
 from directions that are a beam apart seldom cancel so far: in 102 clean positions by 9 dB, down to the noise."""
+SPREAD = 3.0
+"""Interquartile ranges below the quartile to which sidelobes that all beams have may fall; chosen."""
 EXPECTED = 17.0
 """Expected power over the noise from which a path can be missing [dB]: the fit errs by some decibels."""
 PROFILE = 8.0
@@ -243,8 +245,9 @@ def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
         return np.zeros(len(snr))
     three = (paths.delay[0] + np.array([-1, 0, 1])) % snr.shape[1]
     level = 10 * np.log10(np.maximum(snr[:, three].max(axis=1), NOTHING))
-    usual = np.quantile(level[used], 0.25)
-    missing = used & (usual > UNSEEN + MISSING) & (level < UNSEEN)
+    low, usual, high = np.quantile(level[used], [0.25, 0.5, 0.75])
+    least = low - SPREAD * (high - low) - AGREEMENT
+    missing = used & (least > UNSEEN) & (level < UNSEEN)
     return np.where(missing, usual - level, 0)
 
 

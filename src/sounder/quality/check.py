@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.power_spectrum import noise_power
@@ -19,6 +20,7 @@ from sounder.quality.beams import MIN_BEAMS, MISSING, Neighbours, contradictions
 from sounder.quality.beams import MIN_SNR as MIN_PATH_SNR
 from sounder.quality.delays import (
     CLOSE,
+    DRIFT_FALSE_ALARM,
     LEAST_DRIFT,
     WINDOW,
     Delays,
@@ -201,7 +203,8 @@ class Position:
         seen = self.peak > MIN_SNR * 10 ** (floors.level / 10)
         if "coherence" in self.cir:
             expected = expected_coherence(self.peak / self.noise, snapshots)
-            lost = self.cir["coherence"].values < (1 - LOST_COHERENCE) * expected
+            allowed = np.maximum(LOST_COHERENCE, np.sqrt(self.noise / self.peak))
+            lost = self.cir["coherence"].values < (1 - allowed) * expected
         else:
             lost = np.isfinite(self.noise)
         for a, e in np.argwhere((lost | noisy) & seen):
@@ -276,14 +279,15 @@ class Position:
         if self._mend_lost_samples(measure_delays(snr, paths, WINDOW, strict=False)):
             snr = self.snr
             paths = find_paths(snr, near)
+        if self._mend_drift(measure_delays(snr, paths, CLOSE, strict=True)):
+            snr = self.snr
+            paths = find_paths(snr, near)
         if self._mend_slips(measure_delays(snr, paths, CLOSE, strict=True)):
             snr = self.snr
             paths = find_paths(snr, near)
         against = contradictions(paths, snr)
         if against.any():
             self._mend_shifts(snr, near, against)
-            paths = find_paths(self.snr, near)
-        self._mend_drift(measure_delays(self.snr, paths, CLOSE, strict=True))
 
     def _roll(self, beam: int, shift: int) -> None:
         a, e = self._place(beam)
@@ -332,19 +336,20 @@ class Position:
             else:
                 self.remark(Code.INCONSISTENT, *place, against[beam], MISSING)
 
-    def _mend_drift(self, delays: Delays) -> None:
-        """Remove the drift of the clock over the scan."""
+    def _mend_drift(self, delays: Delays) -> bool:
+        """Remove the drift of the clock over the scan. The clock is right at the first direction."""
         order = self.order
-        drift, error, bound = clock_drift(delays, order.ravel())
+        drift, bound = clock_drift(delays, order.ravel())
         total = drift * order.size
-        walk = 3 * self.recording.sounder.clock.step * self.deembedding.sample_rate * np.sqrt(order.size)
+        sample = 1 / self.deembedding.sample_rate
+        walk = 3 * self.recording.sounder.clock.step / sample * np.sqrt(order.size)
         if abs(total) < max(LEAST_DRIFT, walk, bound * order.size):
-            return
+            return False
         frequency = np.fft.fftfreq(self.responses.shape[-1])
-        delay = drift * (order - order.mean())
-        ramp = np.exp(2j * np.pi * np.multiply.outer(delay, frequency))
+        ramp = np.exp(2j * np.pi * np.multiply.outer(drift * order, frequency))
         self.responses[...] = np.fft.ifft(np.fft.fft(self.responses) * ramp)
-        self.delay_std = error * order.size / np.sqrt(12) / self.deembedding.sample_rate
-        sample = 1e9 / self.deembedding.sample_rate
-        least = bound * order.size * sample
-        self.remarks.append(Remark(Code.CLOCK_DRIFT, figure=total * sample, bound=least))
+        self.power[...] = np.abs(self.responses) ** 2
+        self.delay_std = bound / float(norm.isf(DRIFT_FALSE_ALARM)) * order.size * sample
+        figures = total * sample * 1e9, bound * order.size * sample * 1e9
+        self.remarks.append(Remark(Code.CLOCK_DRIFT, figure=figures[0], bound=figures[1]))
+        return True

@@ -14,8 +14,9 @@ Real = NDArray[np.float64]
 LOST_COHERENCE = 0.05
 """Share of the expected coherence that a direction may lose before its snapshots are examined one by one. It costs
 time only: a slip of one snapshot in eight loses 12 %."""
-MIN_SNR = 50.0
-"""Least peak power over the noise of the mean for snapshots to be examined: 17 dB, 8 dB in one of eight snapshots."""
+MIN_SNR = 14.0
+"""Least peak power over the noise of the mean for snapshots to be examined. A path of four times the power, 17 dB, has
+it if half of its snapshots are shifted."""
 OVERLAP = 0.9
 """Power of a cross-correlation without a shift, relative to that at the best shift, below which the shift is certain.
 Held chips that are shifted by a sample of two keep (510 / 1022)^2 = 0.25; band-limited ones 0.7."""
@@ -92,9 +93,29 @@ def compare_snapshots(responses: Complex, noise: float) -> Snapshots:
     unshifted, largest = cross[:, 0], cross.max(axis=-1)
     by_chance = np.sqrt(noise * np.sum(np.abs(reference) ** 2))
     certain = (unshifted < OVERLAP * largest) & (np.sqrt(largest) - np.sqrt(unshifted) > SIGNIFICANT * by_chance)
+    if not (certain & good).any() and good.all():
+        return Snapshots(_shift_from(responses, noise), good, np.asarray(level, float))
     size = responses.shape[-1]
     shift = np.where(certain & good, (best + size // 2) % size - size // 2, 0)
     return Snapshots(shift, good, np.asarray(level, float))
+
+
+def _shift_from(responses: Complex, noise: float) -> NDArray[np.int64]:
+    """Shift (snapshot,) of the snapshots from one on, between the means before and after, which have less noise."""
+    count, size = responses.shape
+    before = np.cumsum(responses, axis=0)
+    shift, largest = np.zeros(count, np.int64), SIGNIFICANT
+    for first in range(1, count):
+        early, late = before[first - 1] / first, (before[-1] - before[first - 1]) / (count - first)
+        reference = np.where(np.abs(early) ** 2 > STRONG * noise / first, early, 0)
+        cross = np.abs(np.fft.ifft(np.fft.fft(late) * np.conj(np.fft.fft(reference))))
+        best = int(cross.argmax())
+        by_chance = np.sqrt(noise / (count - first) * np.sum(np.abs(reference) ** 2))
+        if cross[0] ** 2 < OVERLAP * cross[best] ** 2 and cross[best] - cross[0] > largest * by_chance > 0:
+            largest = float((cross[best] - cross[0]) / by_chance)
+            shift[:] = 0
+            shift[first:] = (best + size // 2) % size - size // 2
+    return shift
 
 
 def mean_of(responses: Complex, found: Snapshots, averaging: Averaging) -> Complex:

@@ -1,0 +1,53 @@
+"""Lost samples, slips and drift from delays of paths in overlapping beams."""
+
+import numpy as np
+import pytest
+
+from sounder.quality.delays import Delays, clock_drift, lost_samples, slips
+
+BEAMS, PATHS, SEEN = 108, 12, 15
+ORDER = np.arange(BEAMS).reshape(3, 36).T.ravel()  # beams are azimuth-major, the scan covers an elevation at a time
+
+
+def delays(seed, offset, std=0.05):
+    """Each path is seen by five azimuths at all three elevations."""
+    rng = np.random.default_rng(seed)
+    azimuth = (rng.integers(0, 36, (PATHS, 1)) + np.arange(5)) % 36
+    beam = (3 * azimuth[..., None] + np.arange(3)).reshape(PATHS, SEEN).ravel()
+    path = np.repeat(np.arange(PATHS), SEEN)
+    own = rng.uniform(-0.5, 0.5, PATHS)[path]
+    return Delays(path, beam, own + offset[beam] + std * rng.normal(size=beam.size))
+
+
+def test_nothing_is_found_in_clean_delays():
+    for seed in range(20):
+        clean = delays(seed, np.zeros(BEAMS))
+        assert lost_samples(clean, ORDER) == (0, 0)
+        assert not slips(clean, BEAMS).any()
+        drift, bound = clock_drift(clean, ORDER)
+        assert abs(drift) < bound
+
+
+@pytest.mark.parametrize(("first", "shift"), [(30, -2), (50, 3), (75, -4)])
+def test_samples_lost_during_the_scan(first, shift):
+    found = lost_samples(delays(1, np.where(first <= ORDER, shift, 0.0)), ORDER)
+    assert found[1] == shift
+    assert abs(found[0] - first) <= 12  # no path is seen by every beam
+
+
+def test_a_slip_needs_two_paths():
+    two = delays(2, np.zeros(BEAMS))
+    counts = np.bincount(two.beam, minlength=BEAMS)
+    offset = np.zeros(BEAMS)
+    many, single = np.flatnonzero(counts >= 2)[:3], np.flatnonzero(counts == 1)[:3]
+    offset[[*many, *single]] = [1, -1, 1, 1, -1, 1]
+    assert slips(delays(2, offset), BEAMS)[many].tolist() == [1, -1, 1]
+    assert not slips(delays(2, offset), BEAMS)[single].any()
+
+
+def test_the_drift_of_a_clock_is_measured_beside_a_slip():
+    offset = 0.24 * ORDER / BEAMS  # 0.2 ns at 1.2 GHz
+    offset[5] += 1
+    drift, bound = clock_drift(delays(3, offset), ORDER)
+    assert drift * BEAMS == pytest.approx(0.24, abs=bound * BEAMS)
+    assert bound * BEAMS < 0.1
