@@ -45,6 +45,11 @@ MOST_VOTES = 3
 """Votes of direct paths that are compared with images; chosen for time."""
 MARGIN = 10.0
 """Least log-likelihood ratio to another heading."""
+REPEATED = 4.0
+"""How often a path counts in the sharpness of images: each pair counts for both of its paths, in double bounces again.
+Chosen; `benchmarks/survey.py` compares errors with what is stated."""
+SAME_HEADING, SAME_CLOCK = 0.5, 0.1
+"""Differences from the most likely heading [degree] and clock [m] that are no alternative."""
 OTHER_HEADING = 3.0
 """Difference of headings that are not the same [degree]."""
 
@@ -140,9 +145,10 @@ def calibrate(table: "xr.Dataset") -> Calibration:
         gain = gain_offset(seen, 0.0, np.zeros(len(likely), dtype=bool))
         covariance = np.diag([USUAL["heading"] ** 2, USUAL["clock"] ** 2, gain.std**2])
         return Calibration(gain=gain.offset, covariance=covariance, evidence=direct.evidence)
+    spreads = fit.spreads
     gain = gain_offset(seen, fit.clock, likely)
     covariance = np.zeros((3, 3))
-    covariance[:2, :2] = fit.covariance / np.outer([1, c], [1, c])
+    covariance[:2, :2] = (fit.covariance + start.doubt) / np.outer([1, c], [1, c])
     covariance[2, 2] = gain.std**2
     # worse than a single measurement: nothing that is worth its name
     single = {
@@ -170,6 +176,8 @@ class _Start(NamedTuple):
     direct: DirectPaths
     distinct: bool
     """Whether no other heading is nearly as likely."""
+    doubt: FloatArray
+    """Covariance (2, 2) of heading [degree] and clock [m] among all that are nearly as likely."""
 
 
 def _start(seen: Observations) -> _Start:
@@ -177,7 +185,7 @@ def _start(seen: Observations) -> _Start:
     votes = find_direct_paths(seen)
     best = votes[0]
     if best.number >= CERTAIN_DIRECT and best.evidence > LEAST_EVIDENCE * best.number:
-        return _Start(best.evidence, best, True)
+        return _Start(best.evidence, best, True, np.zeros((2, 2)))
     found = []
     latest = latest_clock(seen)
     for spreads in SPREADS:
@@ -191,7 +199,17 @@ def _start(seen: Observations) -> _Start:
     found.sort(key=lambda one: -one[0])
     evidence, direct = found[0]
     others = [one[0] for one in found if abs(angle_difference(one[1].heading, direct.heading)) > OTHER_HEADING]
-    return _Start(evidence, direct, evidence - max(others, default=0.0) > MARGIN)
+    return _Start(evidence, direct, evidence - max(others, default=0.0) > MARGIN, _doubt(found))
+
+
+def _doubt(found: list[tuple[float, DirectPaths]]) -> FloatArray:
+    """Covariance (2, 2) of heading and clock about the most likely ones, over all that were found."""
+    best = found[0][1]
+    weight = np.exp((np.array([evidence for evidence, _ in found]) - found[0][0]) / REPEATED)
+    away = np.array([(angle_difference(one.heading, best.heading), one.clock - best.clock) for _, one in found])
+    # what is not told apart from the best is in the covariance of its fit
+    weight *= (np.abs(away[:, 0]) > SAME_HEADING) | (np.abs(away[:, 1]) > SAME_CLOCK)
+    return np.asarray((away * weight[:, None]).T @ away / (1 + weight.sum()))
 
 
 def apply(table: "xr.Dataset", calibration: Calibration) -> "xr.Dataset":

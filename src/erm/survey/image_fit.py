@@ -48,6 +48,8 @@ class ImageFit(NamedTuple):
     """Number of common images."""
     paths: int
     """Number of MPCs that agree with them."""
+    spreads: tuple[float, float]
+    """Errors of single positions: clock [m], heading [degree]."""
 
 
 def fit_images(
@@ -84,8 +86,8 @@ def fit_images(
         number, centres = problem.assign(heading, clock, direct)
         if not len(centres):
             return fit
-        heading, clock, covariance, seen = problem.solve(heading, clock, number, centres, direct)
-        fit = ImageFit(heading, clock, covariance, len(centres), int(np.count_nonzero(number >= 0)))
+        heading, clock, covariance, seen, spreads = problem.solve(heading, clock, number, centres, direct)
+        fit = ImageFit(heading, clock, covariance, len(centres), int(np.count_nonzero(number >= 0)), spreads)
     return fit
 
 
@@ -141,8 +143,8 @@ class _Problem:
 
     def solve(
         self, heading: float, clock: float, number: IntArray, centres: FloatArray, direct: BoolArray
-    ) -> tuple[float, float, FloatArray, Observations]:
-        """Least squares; return heading, clock, covariance, and the table with errors that agree with the residuals."""
+    ) -> tuple[float, float, FloatArray, Observations, tuple[float, float]]:
+        """Least squares; return heading, clock, covariance, and table and spreads that agree with the residuals."""
         used = np.flatnonzero((number >= 0) | direct)
         one = _Problem(self.seen.of_rows(used), self.spreads)
         k, count = number[used], len(centres)
@@ -196,7 +198,29 @@ class _Problem:
             taken = np.sqrt(2 * len(used) / max(2 * len(used) - unknowns, 1))
             ratios = [robust_std(residual[part] / stds[part]) * taken for part in range(2)]
             seen = self.seen.with_errors(ratios[0], ratios[1])
-        return float(angle_difference(x[0], 0)), float(x[1]), inverse[:2, :2], seen
+        if any(self.spreads):
+            links = len(self.seen.tx)
+            # images take a part of these errors, so that residuals alone tell too little
+            first, second = (
+                max(_spread(residual[part], stds[part], one.seen.link, links), self.spreads[part]) for part in range(2)
+            )
+            spreads = first, second
+        else:
+            spreads = self.spreads
+        return float(angle_difference(x[0], 0)), float(x[1]), inverse[:2, :2], seen, spreads
+
+
+def _spread(residual: FloatArray, std: FloatArray, link: IntArray, links: int) -> float:
+    """Standard deviation of an error that the rows of a position share, from the means of their residuals.
+
+    The mean of ``n`` rows has the variance ``s**2 + std**2 / n``.
+    """
+    weight = np.bincount(link, 1 / std**2, minlength=links)
+    seen = weight > 0
+    mean = np.bincount(link, residual / std**2, minlength=links)[seen] / weight[seen]
+    count = int(np.count_nonzero(seen))
+    variance = float(np.mean(mean**2 - 1 / weight[seen])) * count / max(count - 2, 1)
+    return float(np.sqrt(max(variance, 0.0)))
 
 
 def _distinct(near: BoolArray, link: IntArray, links: int) -> IntArray:
