@@ -28,7 +28,7 @@ from sounder.processing.pipeline import process
 from sounder.recordings.recording import Recording
 
 SNAPSHOTS = 200
-READ, HASH, MKL = "np.fromfile of the same bytes", "SHA-256 of the file", "two transforms of every capture"
+READ, HASH, TRANSFORMS = "np.fromfile of the same bytes", "SHA-256 of the file", "two transforms of every capture"
 
 
 def script(recording: Recording, averaging: Averaging) -> None:
@@ -62,7 +62,7 @@ def transforms(recording: Recording) -> tuple[str, Callable[[], None]]:
         for _ in range(SNAPSHOTS * 108 // len(row)):
             route.inverse(route.forward(row))
 
-    return f"{MKL}, {name}", run
+    return f"{TRANSFORMS}, {name}", run
 
 
 def main() -> None:
