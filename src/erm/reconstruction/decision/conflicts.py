@@ -11,6 +11,7 @@ from erm.reconstruction.decision.pieces import plan_lines, span
 from erm.reconstruction.model.extent import (
     CLEARANCE,
     MAX_TESTED_PATHS,
+    STRAY_SHARE,
     Footprint,
     Legs,
     legs_of,
@@ -49,10 +50,11 @@ class Conflicts:
 
     def __init__(self, walls: Sequence[Wall], lines_of_sight: Legs, plausible: BoolArray) -> None:
         footprints = [solid_footprint(wall) for wall, _ in map(without_strays, walls)]
+        self._points = [_points_along(wall) for wall in walls]
         full = np.array([wall.support for wall in walls], dtype=np.int64)
         walls = [wall.thinned(MAX_TESTED_PATHS) for wall in walls]
         self.support = np.array([wall.support for wall in walls], dtype=np.int64)
-        self._tested_share = self.support / full
+        self._full = full
         legs = [lines_of_sight, *(legs_of(wall) for wall in walls)]
         start, end = (np.vstack(ends) for ends in zip(*legs, strict=True))
         first = len(lines_of_sight.start)
@@ -68,11 +70,12 @@ class Conflicts:
             candidates = Faces([one for _, one in faces], extension)
             for low in range(0, len(rows) if faces else 0, BATCH_LEGS):
                 batch = rows[low : low + BATCH_LEGS]
-                leg, face, certain, probability = candidates.crossings(Legs(start[batch], end[batch]))
+                leg, face, certain, probability, *place = candidates.crossings(Legs(start[batch], end[batch]))
                 kept = (probability > 0) & (owner[batch[leg]] != number[face])
-                found.append((batch[leg[kept]], number[face[kept]], certain[kept], probability[kept]))
-        nothing = (np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0, bool), np.empty(0))
-        leg, self._face, self._certain, self._probability = (
+                columns = (certain, probability, *place)
+                found.append((batch[leg[kept]], number[face[kept]], *(column[kept] for column in columns)))
+        nothing = (np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0, bool), *3 * (np.empty(0),))
+        leg, self._face, self._certain, self._probability, self._along, self._height = (
             np.concatenate(column) for column in zip(nothing, *found, strict=True)
         )
         edge = np.r_[first + 2 * (np.cumsum(self.support) - self.support), 0]  # where each candidate's legs start
@@ -82,26 +85,42 @@ class Conflicts:
         self._by_owner = _rows_of_each(self._owner, len(walls))
         self._by_face = _rows_of_each(self._face, len(walls))
 
-    def blocked_share(self, wall: int, accepted: BoolArray) -> float:
-        """Share of a candidate's paths that would have to pass through accepted ones."""
-        rows = self._by_owner[wall]
-        rows = rows[self._certain[rows] & accepted[self._face[rows]]]
-        return len(np.unique(self._path[rows])) / self.support[wall]
+    def openings(self, wall: int, accepted: BoolArray) -> int:
+        """Number of openings without which a candidate cannot stand beside accepted ones.
 
-    def crossing_paths(self, wall: int, accepted: BoolArray) -> float:
-        """Number of direct paths and paths of accepted candidates that would have to pass through a candidate.
-
-        Of a large candidate only a share of the paths was tested, but all direct paths were. Direct paths are therefore
-        weighted by this share.
+        Openings of the candidate let direct paths and paths of the accepted ones through. Up to `STRAY_SHARE` of its
+        support may be strays instead. If more than half of its own paths meet accepted ones, these need openings, too.
         """
         rows = self._by_face[wall]
         rows = rows[self._certain[rows]]
-        owner, path = self._owner[rows], self._path[rows]
-        direct = owner == DIRECT_PATH
-        others = np.flatnonzero(~direct & accepted[owner])
-        largest = int(self.support.max(initial=1))
-        paths = np.unique(owner[others].astype(np.int64) * largest + path[others])
-        return len(paths) + float(np.count_nonzero(direct) * self._tested_share[wall])
+        owner = self._owner[rows]
+        rows = rows[(owner == DIRECT_PATH) | accepted[owner]]
+        needed = self._openings_of(wall, rows, STRAY_SHARE * self._full[wall])
+        rows = self._by_owner[wall]
+        rows = rows[self._certain[rows] & accepted[self._face[rows]]]
+        if len(np.unique(self._path[rows])) > self.support[wall] / 2:
+            face = self._face[rows]
+            needed += sum(self._openings_of(one, rows[face == one], 0.0) for one in np.unique(face).tolist())
+        return needed
+
+    def _openings_of(self, face: int, rows: IntArray, strays: float) -> int:
+        """Number of openings of a face that let crossings (row,) through, but for a number of strays.
+
+        Two crossings next to each other along the face share an opening unless a point between them that is no higher
+        than the higher one reflected a path. Where legs cross a wall they pass through few openings, however many legs
+        there are. Where there is no wall crossings and reflection points are mixed.
+        """
+        if not len(rows):
+            return 0
+        order = np.argsort(self._along[rows], kind="stable")
+        place, height = self._along[rows][order], self._height[rows][order]
+        along, up = self._points[face]
+        between = np.searchsorted(along, place)
+        lowest = np.minimum.reduceat(np.r_[up, np.inf], between)[:-1]
+        lowest[between[:-1] == between[1:]] = np.inf
+        parted = lowest <= np.maximum(height[:-1], height[1:])
+        sizes = np.sort(np.diff(np.flatnonzero(np.r_[True, parted, True])))
+        return int(np.count_nonzero(np.cumsum(sizes) > strays))
 
     def shadowing(self, wall: int, accepted: BoolArray) -> tuple[float, float]:
         """Probability that accepted candidates obstruct a candidate's legs from transmitters, and from receivers.
@@ -140,7 +159,7 @@ class Faces:
         self._lowest = np.nanmin(self._low, axis=0, initial=np.inf) - extension
         self._highest = np.nanmax(self._high, axis=0, initial=-np.inf) + extension
 
-    def crossings(self, legs: Legs) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
+    def crossings(self, legs: Legs) -> tuple[IntArray, IntArray, BoolArray, FloatArray, FloatArray, FloatArray]:
         """Find the legs that cross faces.
 
         Returns
@@ -150,6 +169,8 @@ class Faces:
             Whether the leg crosses where the face is known to stand.
         probability : array (pair,)
             Of the face to extend to where the leg crosses.
+        along, height : array (pair,)
+            Where the leg crosses, along the face and above 0 [m].
         """
         leg, face = self._tree.query(plan_lines(*legs))
         start, end = (np.ascontiguousarray(end.T) for end in legs)
@@ -174,7 +195,14 @@ class Faces:
             certain[of] |= (outside == 0) & (above < 0)
             outside[above >= MAX_EXTRA_HEIGHT] = np.inf
             distance[of] = np.minimum(distance[of], outside)
-        return leg, face, certain, np.exp(-distance / EXTENSION_DECAY)
+        return leg, face, certain, np.exp(-distance / EXTENSION_DECAY), place, height
+
+
+def _points_along(wall: Wall) -> tuple[FloatArray, FloatArray]:
+    """Reflection points (inlier,) of a wall in their order along it, and their heights [m]."""
+    along = wall.line.along(wall.reflection_points)
+    order = np.argsort(along, kind="stable")
+    return along[order], wall.reflection_points[order, 2]
 
 
 def _rows_of_each(key: IntArray, count: int) -> list[IntArray]:

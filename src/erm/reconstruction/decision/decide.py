@@ -17,7 +17,7 @@ from erm.reconstruction.decision.corners import corner_pairs
 from erm.reconstruction.decision.duplicates import merge_duplicates
 from erm.reconstruction.decision.multi_bounce import hidden_wall_pairs, is_multi_bounce, mirror_of
 from erm.reconstruction.decision.pieces import Links, cut_walls
-from erm.reconstruction.model.extent import STRAY_SHARE, Legs, Piece
+from erm.reconstruction.model.extent import Legs, Piece
 from erm.reconstruction.model.loss import (
     LOSS_SCATTER,
     loss_at_normal_incidence,
@@ -29,8 +29,6 @@ from erm.reconstruction.model.paths import BoolArray
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.false_alarm import are_false_alarms, log_odds_against_false_alarm
 
-MIN_CROSSING_PATHS = 2
-"""Unobstructed paths through a wall that refute it; a single one may be classified wrongly."""
 MAX_ROUNDS = 4
 """Repetitions of the decision; two are usual. Chosen; not derived."""
 
@@ -49,6 +47,8 @@ PER_DEGREE = 0.14
 """Per degree between the smallest and the largest angle of incidence."""
 PER_DOUBLED_ARRIVAL = -1.0
 """Per doubling of the position among the reflections of a link, in the order of their delays."""
+PER_OPENING = -3.0
+"""For each opening that the candidate, or an accepted wall in front of it, must have."""
 NEUTRAL_EXCESS_LOSS = 4.0
 """Loss above that of the scene that walls and chains have equally often [dB]; from the same experiment."""
 EXCESS_LOSS_SCATTER = 3.5
@@ -132,21 +132,18 @@ class Candidates:
         others = accepted.copy()
         others[wall] = False
         stronger = others & (self.rank < self.rank[wall])
-        if self._conflicts.blocked_share(wall, stronger) > 0.5 or self._is_crossed(wall, stronger):
-            return Reason.OBSTRUCTION
         if any(stronger[known] for known in self._explained_by[wall]):
             return Reason.MULTIPLE_REFLECTION
-        if self._log_odds_beside(wall, stronger) < 0:
+        log_odds = self._log_odds_beside(wall, stronger)
+        if log_odds < 0:
             return Reason.IMPLAUSIBLE
+        if log_odds + PER_OPENING * self._conflicts.openings(wall, stronger) < 0:
+            return Reason.OBSTRUCTION
         key = (wall, others.tobytes())
         if key not in self._is_multi_bounce:
             mirrors = [self._mirrors[i] for i in np.flatnonzero(others)] + self._minor_mirrors
             self._is_multi_bounce[key] = is_multi_bounce(self.walls[wall], mirrors)
         return Reason.MULTIPLE_REFLECTION if self._is_multi_bounce[key] else None
-
-    def _is_crossed(self, wall: int, accepted: BoolArray) -> bool:
-        limit = max(MIN_CROSSING_PATHS, STRAY_SHARE * self._conflicts.support[wall])
-        return self._conflicts.crossing_paths(wall, accepted) >= limit
 
     def _log_odds_beside(self, wall: int, accepted: BoolArray) -> float:
         """`log_odds`, less if accepted candidates may obstruct the wall.
