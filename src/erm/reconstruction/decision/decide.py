@@ -17,9 +17,10 @@ from erm.reconstruction.decision.corners import corner_pairs
 from erm.reconstruction.decision.duplicates import merge_duplicates
 from erm.reconstruction.decision.multi_bounce import hidden_wall_pairs, is_multi_bounce, mirror_of
 from erm.reconstruction.decision.pieces import Links, cut_walls
-from erm.reconstruction.model.extent import Legs, Piece
+from erm.reconstruction.model.extent import STRAY_SHARE, Legs, Piece
 from erm.reconstruction.model.loss import (
     LOSS_SCATTER,
+    excess_loss,
     loss_at_normal_incidence,
     loss_error,
     median_loss,
@@ -34,20 +35,16 @@ MAX_ROUNDS = 4
 
 # Coefficients of the log odds of a common image to be a wall and not a chain off walls that were not seen alone: a
 # logistic regression on random streets and rooms traced to three bounces, rounded; see `Candidates.log_odds`.
-INTERCEPT = 1.7
-PER_DECIBEL = -0.5
-"""Per dB of loss at normal incidence above that of the scene."""
-PER_RECEIVER_SHADOW = -2.8
+INTERCEPT = 3.4
+PER_DECIBEL = -1.0
+"""Per dB of loss above that of a typical wall of the scene at the same angles."""
+PER_RECEIVER_SHADOW = -2.6
 """For receivers' legs that are obstructed for certain."""
-PER_TRANSMITTER_SHADOW = -0.4
-"""For transmitters' legs that are obstructed for certain."""
-PER_DOUBLED_SUPPORT = 0.7
-"""Per doubling of the support above three."""
-PER_DEGREE = 0.14
-"""Per degree between the smallest and the largest angle of incidence."""
-PER_DOUBLED_ARRIVAL = -1.0
+PER_DEGREE = 0.29
+"""Per degree of the range of angles of incidence."""
+PER_DOUBLED_ARRIVAL = -1.6
 """Per doubling of the position among the reflections of a link, in the order of their delays."""
-PER_OPENING = -3.0
+PER_OPENING = -1.6
 """For each opening that the candidate, or an accepted wall in front of it, must have."""
 NEUTRAL_EXCESS_LOSS = 4.0
 """Loss above that of the scene that walls and chains have equally often [dB]; from the same experiment."""
@@ -55,8 +52,6 @@ EXCESS_LOSS_SCATTER = 3.5
 """Standard deviation of the losses of either about their mean [dB]; from the same experiment."""
 MAX_ANGLE_RANGE = 30.0
 """Range of angles of incidence above which more is no further evidence [degree]. Chosen; not derived."""
-MIN_EXCESS_LOSS = -1.0
-"""Excess loss below which less is no further evidence [dB]: a chain off metal and stone loses no more than stone."""
 SCENE_LOSS_RANGE = (8.5, 13.0)
 """Limits of the loss of a scene at normal incidence [dB]: concrete and plaster."""
 
@@ -96,8 +91,8 @@ class Candidates:
         self._is_multi_bounce: dict[tuple[int, bytes], bool] = {}
         self._mirrors = [mirror_of(wall, max_gap) for wall in walls]
         self._minor_mirrors = [mirror_of(wall, max_gap) for wall in minor if _is_certain(wall)]
-        self._loss = np.array([loss_at_normal_incidence(wall) for wall in walls])
-        self._support = support = np.array([wall.support for wall in walls], dtype=np.int64)
+        loss = np.array([loss_at_normal_incidence(wall) for wall in walls])
+        support = np.array([wall.support for wall in walls], dtype=np.int64)
         self._explained_by: list[set[int]] = [set() for _ in walls]
         for one, other, known in hidden_wall_pairs(walls):
             self._explained_by[one].add(known)
@@ -106,17 +101,18 @@ class Candidates:
             self._explained_by[one].add(known)
         self._loss_error = np.array([loss_error(wall) for wall in walls])
         weight = support / (self._loss_error**2 + LOSS_SCATTER**2)
-        scene_loss = weighted_quantile(self._loss, weight, 0.1) if len(walls) else 0.0
-        self._scene_loss = float(np.clip(scene_loss, *SCENE_LOSS_RANGE))
-        self._angle_range = [float(np.ptp(np.rad2deg(np.arccos(wall.cos_incidence)))) for wall in walls]
+        scene_loss = weighted_quantile(loss, weight, 0.1) if len(walls) else 0.0
+        typical = float(np.clip(scene_loss, *SCENE_LOSS_RANGE))
+        self._excess = [excess_loss(wall, typical) for wall in walls]
+        self._angle_range = [_angle_range(wall) for wall in walls]
         self._arrival = _arrivals(walls)
         self._weak = [bool(np.mean(wall.paths.loss > CONSISTENT_LOSS) > 0.5) for wall in walls]
         self._against_false_alarm = log_odds_against_false_alarm(self.walls, self._weak)
         alone = [self.log_odds(i) for i in range(len(walls))]
         # obstruction by others never raises the log odds, so candidates below 0 alone stay below
         self._conflicts = Conflicts(walls, lines_of_sight, np.array(alone, dtype=float) >= 0)
-        loss = [round(median_loss(wall), 6) for wall in walls]
-        self.order = sorted(range(len(walls)), key=lambda i: (-round(alone[i], 6), loss[i], -support[i]))
+        median = [round(median_loss(wall), 6) for wall in walls]
+        self.order = sorted(range(len(walls)), key=lambda i: (-round(alone[i], 6), median[i], -support[i]))
         self.rank = np.argsort(np.array(self.order, dtype=np.int64))
 
     def reason_against(self, wall: int, accepted: BoolArray) -> Reason | None:
@@ -151,8 +147,7 @@ class Candidates:
         The last wall of a chain, if it extends a little beyond its reflection points, obstructs the wall that the
         chain looks like.
         """
-        of_tx, of_rx = self._conflicts.shadowing(wall, accepted)
-        return self.log_odds(wall) + PER_TRANSMITTER_SHADOW * of_tx + PER_RECEIVER_SHADOW * of_rx
+        return self.log_odds(wall) + PER_RECEIVER_SHADOW * self._conflicts.shadowing(wall, accepted)[1]
 
     def log_odds(self, wall: int) -> float:
         """Log odds of a candidate alone to be a wall and not a chain.
@@ -160,13 +155,11 @@ class Candidates:
         A chain of reflections loses more than a wall. It is received in fewer places and over a smaller range of
         angles, for it must meet all of its walls, and it arrives after the paths off these walls.
         """
-        excess = max(float(self._loss[wall]) - self._scene_loss, MIN_EXCESS_LOSS)
         # the log odds of two Gaussians of equal width fall by this factor if an error widens both
         factor = EXCESS_LOSS_SCATTER**2 / (EXCESS_LOSS_SCATTER**2 + self._loss_error[wall] ** 2)
         return (
             INTERCEPT
-            + PER_DECIBEL * (NEUTRAL_EXCESS_LOSS + factor * (excess - NEUTRAL_EXCESS_LOSS))
-            + PER_DOUBLED_SUPPORT * float(np.log2(max(self._support[wall], 3) / 3))
+            + PER_DECIBEL * (NEUTRAL_EXCESS_LOSS + factor * (self._excess[wall] - NEUTRAL_EXCESS_LOSS))
             + PER_DEGREE * min(self._angle_range[wall], MAX_ANGLE_RANGE)
             + PER_DOUBLED_ARRIVAL * self._arrival[wall]
         )
@@ -219,17 +212,30 @@ def _is_certain(wall: Wall) -> bool:
     return bool(of_offset < MAX_MIRROR_ERROR and of_normal < MAX_MIRROR_ERROR)
 
 
+def _angle_range(wall: Wall) -> float:
+    """Range of the angles of incidence of all paths but one, or but `STRAY_SHARE` of many [degree].
+
+    A stray may be anywhere along the line.
+    """
+    angle = np.sort(np.rad2deg(np.arccos(wall.cos_incidence)))
+    strays = max(1, int(STRAY_SHARE * len(angle)))
+    return float((angle[len(angle) - 1 - strays :] - angle[: strays + 1]).min())
+
+
 def _arrivals(walls: Sequence[Wall]) -> list[float]:
-    """How late (wall,) the paths of each candidate arrive among all reflections of their links.
+    """How late (wall,) the paths of each candidate arrive among those of all candidates at their links.
 
     The mean over its paths of ``log2(1 + number of earlier ones)``.
     """
     if not walls:
         return []
     paths = walls[0].all_paths
+    shared = np.zeros(len(paths), dtype=bool)  # the others may be artefacts
+    for wall in walls:
+        shared[wall.inliers] = True
     order = np.lexsort((np.round(paths.length, 6), paths.link))
     first = np.searchsorted(paths.link[order], paths.link)
-    counted = np.r_[0, np.cumsum(paths.loss[order] <= CONSISTENT_LOSS)]  # weaker ones may be artefacts of others
+    counted = np.r_[0, np.cumsum(shared[order])]
     earlier = np.empty(len(paths), dtype=np.int64)
     earlier[order] = counted[:-1]
     place = np.log2(1 + earlier - counted[first])

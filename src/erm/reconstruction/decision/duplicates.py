@@ -65,7 +65,11 @@ def _are_duplicates(wall: Wall, other: Wall, max_gap: float) -> bool:
 
 
 def _merge(wall: Wall, other: Wall) -> Wall:
-    """Return a wall with the other's paths of links that it does not have, fitted again."""
-    fresh = other.inliers[~np.isin(other.paths.link, wall.paths.link)]
+    """Return a wall with the other's paths that agree with it, of links that it does not have, fitted again.
+
+    The other may have paths off a third wall beside them, which would turn the line.
+    """
+    agrees = misfit(other.paths, wall.line) < CHI_SQUARED_GATE
+    fresh = other.inliers[agrees & ~np.isin(other.paths.link, wall.paths.link)]
     inliers: IntArray = np.sort(np.r_[wall.inliers, fresh])
     return Wall(wall.all_paths, fit_line(wall.all_paths.take(inliers), wall.line), inliers)

@@ -62,6 +62,19 @@ def loss_at_normal_incidence(wall: Wall) -> float:
     return float(reflection_loss(refractive_index_squared(wall), np.ones(1))[0])
 
 
+def excess_loss(wall: Wall, typical: float) -> float:
+    """Weighted median of what a wall's paths lose above a face of ``typical`` loss at normal incidence [dB].
+
+    Each path is compared at its own angle. At grazing incidence all materials reflect nearly everything, so the loss at
+    normal incidence that a grazing path implies is uncertain by tens of decibels, and this difference is not. With the
+    amplitude ``r`` at normal incidence, the face has the refractive index ``(1 + r) / (1 - r)`` (Fresnel).
+    """
+    amplitude = 10 ** (-typical / 20)
+    index_squared = ((1 + amplitude) / (1 - amplitude)) ** 2
+    excess = wall.paths.loss - reflection_loss(index_squared, wall.cos_incidence)
+    return weighted_quantile(excess, _weights(wall.paths), 0.5)
+
+
 def median_loss(wall: Wall) -> float:
     """Weighted median of the losses of a wall's paths [dB]."""
     return weighted_quantile(wall.paths.loss, _weights(wall.paths), 0.5)
