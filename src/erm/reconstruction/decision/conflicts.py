@@ -51,10 +51,8 @@ class Conflicts:
     def __init__(self, walls: Sequence[Wall], lines_of_sight: Legs, plausible: BoolArray) -> None:
         footprints = [solid_footprint(wall) for wall, _ in map(without_strays, walls)]
         self._points = [_points_along(wall) for wall in walls]
-        full = np.array([wall.support for wall in walls], dtype=np.int64)
         walls = [wall.thinned(MAX_TESTED_PATHS) for wall in walls]
         self.support = np.array([wall.support for wall in walls], dtype=np.int64)
-        self._full = full
         legs = [lines_of_sight, *(legs_of(wall) for wall in walls)]
         start, end = (np.vstack(ends) for ends in zip(*legs, strict=True))
         first = len(lines_of_sight.start)
@@ -95,7 +93,7 @@ class Conflicts:
         rows = rows[self._certain[rows]]
         owner = self._owner[rows]
         rows = rows[(owner == DIRECT_PATH) | accepted[owner]]
-        needed = self._openings_of(wall, rows, STRAY_SHARE * self._full[wall])
+        needed = self._openings_of(wall, rows, STRAY_SHARE * self.support[wall])
         rows = self._by_owner[wall]
         rows = rows[self._certain[rows] & accepted[self._face[rows]]]
         if len(np.unique(self._path[rows])) > self.support[wall] / 2:
