@@ -81,3 +81,9 @@ def test_dbscan_says_what_it_needs(monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn.cluster", None)
     with pytest.raises(ValueError, match="DBSCAN needs sklearn, which is not installed; pip install"):
         dbscan(np.zeros((2, 4)), np.ones(2))
+
+
+def test_strong_paths_hold_the_centroids():
+    """The path at 4.1 joins 9 because the strong one at 0 keeps its centroid at 0.4; unweighted it would be at 2.05."""
+    points = np.array([[0.0], [4.1], [5.0], [9.0]])
+    assert k_power_means(points, np.array([10.0, 1.0, 1.0, 2.0]), number=2).tolist() == [0, 1, 1, 1]

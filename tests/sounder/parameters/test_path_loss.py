@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from sounder.parameters.path_loss import close_in, floating_intercept, free_space_path_loss
 
@@ -72,3 +73,17 @@ def test_positions_without_a_path_are_left_out():
     fit = close_in(DISTANCE, loss, FREQUENCY)
     assert fit.positions == 5
     assert fit.exponent == pytest.approx(2.0)
+
+
+def test_intervals_are_those_of_linear_regression():
+    rng = np.random.default_rng(4)
+    loss = 70 + 25 * np.log10(DISTANCE) + 5 * rng.normal(size=6)
+    line = floating_intercept(DISTANCE, loss)
+    known = stats.linregress(10 * np.log10(DISTANCE), loss)
+    half = stats.t.ppf(0.975, 4) * np.array([known.stderr, known.intercept_stderr])
+    for interval, value, wide in zip(
+        (line.exponent_interval, line.intercept_interval), (known.slope, known.intercept), half, strict=True
+    ):
+        assert interval == pytest.approx((value - wide, value + wide), rel=1e-9)
+    energy = 6 * line.shadowing**2
+    assert line.shadowing_interval == pytest.approx(np.sqrt(energy / stats.chi2.ppf([0.975, 0.025], 4)), rel=1e-9)
