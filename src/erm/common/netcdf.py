@@ -11,6 +11,8 @@ The NetCDF-4 file format, Unidata, appendix "NetCDF-4 File Format Specification"
 
 from typing import TYPE_CHECKING
 
+from erm.common.integrity import checksummed
+
 if TYPE_CHECKING:
     import h5py
     import xarray as xr
@@ -57,7 +59,8 @@ def _create(group: "h5py.Group", name: str, variable: "xr.Variable") -> "h5py.Da
     if values.dtype.kind in "UO":
         dataset = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
     else:
-        dataset = group.create_dataset(name, data=values, fillvalue=attributes.get("_FillValue"))
+        options = checksummed(values.shape, values.itemsize)
+        dataset = group.create_dataset(name, data=values, fillvalue=attributes.get("_FillValue"), **options)
         if "_FillValue" in attributes:  # netCDF stores an attribute of one value as an array
             attributes["_FillValue"] = np.array([attributes["_FillValue"]], values.dtype)
     dataset.attrs.update(attributes)

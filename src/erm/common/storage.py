@@ -16,6 +16,7 @@ from erm.common.gate.damage import refused
 from erm.common.gate.hdf5 import Group, open_hdf5
 from erm.common.gate.limits import current, too_large
 from erm.common.hdf5_output import new_hdf5
+from erm.common.integrity import MEMBERS, list_members, require_members
 from erm.common.netcdf import write_group
 from erm.common.version import __version__
 
@@ -140,6 +141,7 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
     with atomic_path(target) as temporary, new_hdf5(temporary) as file:
         for group, dataset in groups.items():
             write_group(file.require_group(group), dataset)
+        list_members(file)
 
 
 def open_group(path: Path | str, group: str = "/", expected: str = "a product of this software") -> "xr.Dataset":
@@ -164,8 +166,11 @@ def open_group(path: Path | str, group: str = "/", expected: str = "a product of
     path = Path(path)
     with open_hdf5(path, expected) as file:
         _require_group(file, group, expected)
+        require_members(file, group)
         with refused(path), xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
-            return dataset.load()
+            dataset.load()
+            dataset.attrs.pop(MEMBERS, None)  # of this file, not of what is made from it
+            return dataset
 
 
 def _require_group(file: Group, name: str, expected: str) -> None:

@@ -10,6 +10,7 @@ import typer
 
 from erm.common import console
 from erm.common.outputs import protect_inputs, require_folder
+from sounder.cli.check import check
 from sounder.cli.parameters import parameters
 from sounder.cli.verify import verify
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options
@@ -252,6 +253,7 @@ def score(
     console.report_failures(problems)
 
 
+app.command()(check)
 app.command()(parameters)
 app.command()(verify)
 

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from erm.common.gate.hdf5 import Dataset, Group, is_hdf5, open_hdf5
-from erm.common.gate.limits import current, too_large
 from erm.common.gate.nesting import parse_json
+from erm.common.integrity import require_members
 from sounder.instrument.description import Sounder
+from sounder.recordings import direct
 from sounder.recordings.recording import BackToBack, Captures, Recording, check
 
 RECORDING = "sounder-to-map recording"
@@ -88,6 +89,7 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
             time=_grid(file, path, "time", directions, np.nan) if "time" in file else None,
             read=_reader(path, iq),
         )
+        require_members(file)  # last: what does not fit the format is described better above
     check(recording, shape[3])
     if not np.isfinite(recording.agc_gain[recording.valid]).all():
         raise DataError(f"{path}: agc_gain is not finite in every recorded direction")
@@ -133,12 +135,10 @@ def _scale(iq: Dataset, path: Path) -> float:
 
 
 def _reader(path: Path, iq: Dataset) -> Callable[[int, int, slice], Captures]:
-    """Reader of captures: straight from the file if it stores ``iq`` in one piece, otherwise through HDF5."""
-    offset, shape = iq.offset, iq.shape
-    if offset is not None:
-        if path.stat().st_size < offset + iq.size * iq.item:
-            raise DataError(f"{path}: the file ends before its last sample; copy it again")
-        return _direct_reader(path, offset, shape)
+    """Reader of captures: straight from the file if it stores ``iq`` so that this is possible, otherwise by HDF5."""
+    shape = iq.shape
+    if (reader := direct.reader(path, iq)) is not None:
+        return reader
 
     def read(a: int, e: int, snapshots: slice) -> Captures:
         with open_hdf5(path) as again:
@@ -146,32 +146,6 @@ def _reader(path: Path, iq: Dataset) -> Callable[[int, int, slice], Captures]:
         if captures.shape[1:] != shape[3:] or captures.dtype != np.int16:
             raise DataError(f"{path}: iq changed while the file was read; copy it again")
         return captures
-
-    return read
-
-
-def _direct_reader(path: Path, offset: int, shape: tuple[int, ...]) -> Callable[[int, int, slice], Captures]:
-    """Reader of int16 that stand in one piece. No memory map: a file that is cut while mapped kills the process."""
-    capture = 2 * shape[3] * shape[4]
-
-    def read(a: int, e: int, snapshots: slice) -> Captures:
-        wanted = range(*snapshots.indices(shape[2]))
-        if not wanted:
-            return np.empty((0, *shape[3:]), np.int16)
-        first, last = min(wanted[0], wanted[-1]), max(wanted[0], wanted[-1])
-        count = last - first + 1
-        if count * capture > current().max_bytes:
-            raise DataError(f"{path}: a direction of iq {too_large(count * capture)}")
-        try:
-            with open(path, "rb", buffering=0) as file:
-                file.seek(offset + ((a * shape[1] + e) * shape[2] + first) * capture)
-                data = file.read(count * capture)
-        except OSError as error:
-            raise DataError(f"{path}: iq cannot be read ({error.strerror}); copy the file again") from None
-        if len(data) < count * capture:
-            raise DataError(f"{path}: became shorter while it was read; copy it again")
-        piece = np.frombuffer(data, np.int16).reshape(count, *shape[3:])
-        return piece if wanted.step == 1 else piece[:: wanted.step]
 
     return read
 
@@ -200,7 +174,7 @@ def back_to_back(path: Path) -> BackToBack:
         attenuation = file.attrs.number("attenuation", np.nan)
         if not np.isfinite(attenuation):
             raise DataError(f"{path}: no attribute attenuation; expected the loss of the attenuator [dB]")
-        return BackToBack(
+        b2b = BackToBack(
             source=path,
             sounder=_description(file, path),
             captures=iq[()],
@@ -210,6 +184,8 @@ def back_to_back(path: Path) -> BackToBack:
             includes_tx_antenna=bool(file.attrs.number("includes_tx_antenna", 0)),
             title=file.attrs.label("title", BackToBack.title),
         )
+        require_members(file)
+        return b2b
 
 
 def _attenuator(file: Group, path: Path) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:

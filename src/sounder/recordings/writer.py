@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from erm.common.hdf5_output import new_hdf5
+from erm.common.integrity import checksummed, list_members
 from erm.common.storage import atomic_path, provenance
 from sounder.recordings.native import BACK_TO_BACK, RECORDING
 from sounder.recordings.recording import BackToBack, Recording
@@ -60,7 +61,8 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
             _dataset(file, "time", grid, recording.time, units, "time of the first snapshot")
         samples = recording.sounder.waveform.samples
         shape = (recording.azimuth.size, recording.elevation.size, recording.snapshots, samples, 2)
-        iq = file.create_dataset("iq", shape, np.int16)
+        chunk = checksummed(shape[2:], np.dtype(np.int16).itemsize)["chunks"]  # of one direction: what is read at once
+        iq = file.create_dataset("iq", shape, np.int16, chunks=(1, 1, *chunk), fletcher32=True)
         _describe(iq, (*grid, "snapshot", "sample", "iq"), "mW0.5", "raw samples")
         iq.attrs["scale_factor"] = recording.scale_factor
         for a, e in np.argwhere(recording.valid):
@@ -71,6 +73,7 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
                     "process the file with its layout instead"
                 )
             iq[int(a), int(e)] = captures
+        list_members(file)
 
 
 def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: Iterable[Path] = ()) -> None:
@@ -88,10 +91,12 @@ def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: I
             parts = np.stack([s21.real, s21.imag], axis=-1)
             _dataset(file, "attenuator_frequency", ("frequency",), frequency, "Hz", "frequency")
             _dataset(file, "attenuator_s21", ("frequency", "part"), parts, "1", "attenuator S21, real and imaginary")
+        list_members(file)
 
 
 def _dataset(file: h5py.File, name: str, dims: tuple[str, ...], data: NDArray[Any], units: str, long_name: str) -> None:
-    _describe(file.create_dataset(name, data=data), dims, units, long_name)
+    options = checksummed(data.shape, data.dtype.itemsize)
+    _describe(file.create_dataset(name, data=data, **options), dims, units, long_name)
 
 
 def _describe(dataset: h5py.Dataset, dims: tuple[str, ...], units: str, long_name: str) -> None:

@@ -17,7 +17,7 @@ from erm.common.gate import limits
 from erm.common.gate.attributes import Attributes
 from erm.common.gate.damage import refused
 from erm.common.gate.files import require_file
-from erm.common.gate.hdf5_rules import COPY, require_filters, require_hard, require_space, selected
+from erm.common.gate.hdf5_rules import COPY, FLETCHER32, require_filters, require_hard, require_space, selected
 from erm.common.printable import printable
 
 if TYPE_CHECKING:
@@ -93,6 +93,33 @@ class Dataset:
     def size(self) -> int:
         """Number of elements."""
         return 0 if self.empty else prod(self.shape)
+
+    @property
+    def checksummed(self) -> bool:
+        """Whether HDF5 verifies what is read; where no numbers are stored, nothing is to be verified."""
+        with refused(self.path, f"{self.name}: "):
+            stored = self.dtype.kind != "O" and self.node.id.get_storage_size()
+            return bool(self.node.fletcher32) or not stored
+
+    @property
+    def chunks(self) -> "dict[tuple[int, ...], tuple[int, int]] | None":
+        """Place and length in the file of each chunk by its first index; None if chunks are packed or not known."""
+        with refused(self.path, f"{self.name}: "):
+            plist = self.node.id.get_create_plist()
+            filters = [plist.get_filter(i)[0] for i in range(plist.get_nfilters())]
+            if self.node.chunks is None or filters != [FLETCHER32] or not self.dtype.isnative:
+                return None
+            if not hasattr(self.node.id, "chunk_iter"):  # h5py was built with an older HDF5
+                return None
+            found: dict[tuple[int, ...], tuple[int, int]] = {}
+            masks = set()
+
+            def note(info: Any) -> None:
+                found[tuple(info.chunk_offset)] = (info.byte_offset, info.size)
+                masks.add(info.filter_mask)
+
+            self.node.id.chunk_iter(note)
+            return found if masks <= {0} else None
 
     @property
     def is_scale(self) -> bool:

@@ -11,7 +11,9 @@ from erm.common.printable import printable
 if TYPE_CHECKING:
     import h5py
 
-FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32", 4: "szip", 32000: "lzf"}
+FLETCHER32 = 3
+"""Number of the filter that adds a checksum to each chunk."""
+FILTERS = {1: "gzip", 2: "shuffle", FLETCHER32: "fletcher32", 4: "szip", 32000: "lzf"}
 """Filters that are applied: those that come with h5py and cannot take more space than the chunk declares."""
 MAX_EXPANSION = 1032
 """Largest ratio of gzip: two bits for the longest match, 258 bytes (zlib, "Technical Details")."""
