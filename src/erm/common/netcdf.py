@@ -63,5 +63,6 @@ def _create(group: "h5py.Group", name: str, variable: "xr.Variable") -> "h5py.Da
         dataset = group.create_dataset(name, data=values, fillvalue=attributes.get("_FillValue"), **options)
         if "_FillValue" in attributes:  # netCDF stores an attribute of one value as an array
             attributes["_FillValue"] = np.array([attributes["_FillValue"]], values.dtype)
+    dataset.flush()  # chunks get their place now, not when Python releases the dataset
     dataset.attrs.update(attributes)
     return dataset

@@ -213,7 +213,7 @@ def load_sounder(path: Path | str) -> Sounder:
     Parameters
     ----------
     path : path
-        TOML file. Antenna cuts that it names are read from its folder.
+        TOML file. Antenna cuts that it names are read from its folder or below.
 
     Raises
     ------
@@ -229,5 +229,14 @@ def load_sounder(path: Path | str) -> Sounder:
     tables = read_toml(path)
     for antenna in (tables.get("tx_antenna"), tables.get("rx_antenna")):
         if isinstance(antenna, dict) and isinstance(antenna.get("cut"), str):
-            antenna["cut"] = read_cut(Path(path).parent / antenna["cut"])
+            antenna["cut"] = read_cut(_inside(Path(path), antenna["cut"]))
     return Sounder.from_tables(tables, path)
+
+
+def _inside(description: Path, name: str) -> Path:
+    """File that a description names. It may come from others, so it names no files elsewhere."""
+    folder = description.parent
+    file = folder / name
+    if Path(name).is_absolute() or not file.resolve().is_relative_to(folder.resolve()):
+        raise DataError(f"{description}: cut: {name} is not in the folder of this file; copy it there")
+    return file

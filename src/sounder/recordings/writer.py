@@ -73,6 +73,7 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
                     "process the file with its layout instead"
                 )
             iq[int(a), int(e)] = captures
+        iq.flush()
         list_members(file)
 
 
@@ -96,7 +97,9 @@ def write_back_to_back(b2b: BackToBack, target: Path, *, history: str, inputs: I
 
 def _dataset(file: h5py.File, name: str, dims: tuple[str, ...], data: NDArray[Any], units: str, long_name: str) -> None:
     options = checksummed(data.shape, data.dtype.itemsize)
-    _describe(file.create_dataset(name, data=data, **options), dims, units, long_name)
+    dataset = file.create_dataset(name, data=data, **options)
+    dataset.flush()  # chunks get their place now, not when Python releases the dataset
+    _describe(dataset, dims, units, long_name)
 
 
 def _describe(dataset: h5py.Dataset, dims: tuple[str, ...], units: str, long_name: str) -> None:

@@ -1,0 +1,106 @@
+"""HDF5 files that ask for other files, or for more memory than they fill."""
+
+import h5py
+import numpy as np
+import pytest
+
+from erm.common.errors import DataError
+from erm.common.gate.hdf5 import Dataset, open_hdf5
+from erm.common.gate.limits import allowed
+
+
+@pytest.fixture
+def secret(tmp_path):
+    (tmp_path / "secret").mkdir()
+    path = tmp_path / "secret" / "other.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = np.arange(4.0)
+    return path
+
+
+def external_storage(file, secret):
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_external(bytes(secret), 0, 32)
+    h5py.h5d.create(file.id, b"x", h5py.h5t.NATIVE_DOUBLE, h5py.h5s.create_simple((4,)), plist)
+
+
+def external_link(file, secret):
+    file["x"] = h5py.ExternalLink(str(secret), "/x")
+
+
+def virtual(file, secret):
+    layout = h5py.VirtualLayout((4,), float)
+    layout[:] = h5py.VirtualSource(str(secret), "x", (4,))
+    file.create_virtual_dataset("x", layout)
+
+
+def soft_link(file, secret):
+    file["x"] = h5py.SoftLink("/y")
+
+
+def declared(file, secret):
+    file.create_dataset("x", (2**41,), float, chunks=(1024,), compression="gzip")
+
+
+def twice(file, secret):
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_chunk((4,))
+    plist.set_deflate(9)
+    plist.set_deflate(9)
+    h5py.h5d.create(file.id, b"x", h5py.h5t.NATIVE_DOUBLE, h5py.h5s.create_simple((4,)), plist)
+
+
+@pytest.mark.parametrize(
+    ("attack", "line"),
+    [
+        (external_storage, "x is stored outside, in .*other.h5, which is not read"),
+        (external_link, "x is a link to /x of the file .*other.h5, which is not followed"),
+        (virtual, "x is a virtual dataset, whose data are in .*other.h5; if you trust it, allow it with --virtual"),
+        (soft_link, "x is a link to /y, which is not followed"),
+        (declared, r"x declares 16.0 TiB, but the file stores 0 B of it"),
+        (twice, "x is packed twice by one filter"),
+    ],
+)
+def test_an_attack_is_refused_in_one_line(tmp_path, secret, attack, line):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        attack(file, secret)
+    with open_hdf5(path) as file, pytest.raises(DataError, match=rf"a\.h5: {line}") as error:
+        file["x"][()]
+    assert "\n" not in str(error.value)
+
+
+def test_virtual_datasets_are_read_from_their_own_folder_when_asked_for(tmp_path, secret):
+    with h5py.File(tmp_path / "source.h5", "w") as file:
+        file["x"] = np.arange(4.0)
+    for name, source in (("in.h5", "source.h5"), ("gone.h5", "gone-source.h5"), ("out.h5", str(secret))):
+        with h5py.File(tmp_path / name, "w") as file:
+            virtual(file, source)
+    with allowed(virtual=True):
+        with open_hdf5(tmp_path / "in.h5") as file:
+            assert file["x"][()].tolist() == [0, 1, 2, 3]
+        with open_hdf5(tmp_path / "gone.h5") as file, pytest.raises(DataError, match=r"gone-source\.h5 is missing"):
+            file["x"]
+        with open_hdf5(tmp_path / "out.h5") as file, pytest.raises(DataError, match="only files in the folder of"):
+            file["x"]
+
+
+def test_what_is_larger_than_the_limit_is_refused_with_the_option_that_raises_it(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["x"] = np.zeros((100, 1000))
+    with open_hdf5(tmp_path / "a.h5") as file, allowed(max_bytes=10_000):
+        assert file["x"][3].shape == (1000,)
+        with pytest.raises(DataError, match=r"x needs 781\.2 KiB, more than the limit of 9\.8 KiB.*--max-memory"):
+            file["x"][()]
+
+
+def test_a_circle_of_groups_and_many_groups_are_harmless(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["g/x"] = 1.0
+        file["g/again"] = file["/"]
+        for i in range(10_001):
+            h5py.h5g.create(file.id, b"%d" % i)
+    with open_hdf5(tmp_path / "a.h5") as file:
+        assert isinstance(file["g/again/g/again/g/x"], Dataset)
+        with pytest.raises(DataError, match="has 10002 members; expected at most 10000"):
+            list(file)
