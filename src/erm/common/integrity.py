@@ -6,7 +6,8 @@ to 16 bits long. The root attribute ``members`` names each member with its type,
 
 References
 ----------
-J. G. Fletcher, "An arithmetic checksum for serial transmissions," IEEE Trans. Commun. 30 (1982) 247-252.
+J. G. Fletcher, "An arithmetic checksum for serial transmissions," IEEE Transactions on
+Communications 30 (1982) 247-252.
 """
 
 import json
