@@ -84,7 +84,9 @@ def bundle_walls(
     found = problem.adjust([*walls, *images], []) if positions.inexact else _as_fitted(walls, positions)
     for _ in range(MAX_ADJUSTMENTS if len(walls) > 1 and len(rest) else 0):
         lines, joint = _lines(walls, found)
-        search = ChainSearch(walls, problem.without_errors(rest, positions.updated(found)), max_gap)
+        free_paths = problem.without_errors(rest, positions.updated(found))
+        possible = np.isfinite(free_paths.virtual_anchors()).all(axis=1)  # longer than the direct path
+        search = ChainSearch(walls, free_paths.take(possible), max_gap)
         before, sets = chains, search.find(lines, joint)
         chains = concatenate_rows(one.paths.row for one in sets)
         if np.array_equal(chains, before):

@@ -241,6 +241,8 @@ def adjust(
     >>> found.faces.offset.round(2).tolist(), bool(np.abs(found.errors[:, 3] - clock).max() < 0.02)
     ([-20.0], True)
     """
+    met = observations.faces
+    observations = replace(observations, faces=met[:, (met != NO_FACE).any(axis=0)])
     problem = _Problem(observations, faces, positions, common=common)
     first = [start if std is None else std for std, start in zip(given.known(), FIRST_STD, strict=True)]
     state = _State(faces, np.zeros(2), np.zeros((positions, BLOCK)), np.array(first, dtype=float), np.ones(2))

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from erm.geometry.chains import NO_FACE
 from erm.geometry.vertical import FloatArray, angle_difference, unit
 from erm.survey.bundle import Bundle, SurveyStd, adjust
+from erm.survey.residuals import Faces
 
 from .worlds import World, nearby, random_world
 
@@ -113,3 +115,15 @@ def test_position_without_paths_keeps_its_standard_deviations() -> None:
     found = adjust(world.observations, nearby(rng, world.faces), len(world.errors) + 1, SurveyStd(0.2, 3.0, 0.15))
     assert not found.errors[-1].any()
     np.testing.assert_allclose(found.covariance[-1], np.diag([0.2, 0.2, 3.0, 0.15]) ** 2, atol=1e-9)
+
+
+def test_direct_paths_alone_show_headings() -> None:
+    rng = np.random.default_rng(9)
+    world = random_world(rng, std=(0.0, 3.0, 0.0))
+    direct = world.observations.take((world.observations.faces == NO_FACE).all(axis=1))
+    none = Faces(np.empty(0), np.empty(0), np.empty((0, 2)))
+    found = adjust(direct, none, len(world.errors), SurveyStd(0.0, 3.0, 0.0))
+    seen = np.unique(direct.position)
+    # one azimuth of half a degree each; the largest of 24 is below four standard errors
+    np.testing.assert_allclose(found.errors[seen, 2], world.errors[seen, 2], atol=2.0)
+    assert not found.errors[np.setdiff1d(np.arange(len(world.errors)), seen)].any()
