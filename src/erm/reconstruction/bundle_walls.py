@@ -85,7 +85,7 @@ def bundle_walls(
     for _ in range(MAX_ADJUSTMENTS if len(walls) > 1 and len(rest) else 0):
         lines, joint = _lines(walls, found)
         free_paths = problem.without_errors(rest, positions.updated(found))
-        possible = np.isfinite(free_paths.virtual_anchors()).all(axis=1)  # longer than the direct path
+        possible = np.isfinite(free_paths.virtual_anchors()[:, 0])  # longer than the direct path
         search = ChainSearch(walls, free_paths.take(possible), max_gap)
         before, sets = chains, search.find(lines, joint)
         chains = concatenate_rows(one.paths.row for one in sets)
