@@ -56,8 +56,8 @@ def line_bound(lines: int) -> float:
 
     Examples
     --------
-    >>> round(line_bound(704))  # 15 dB
-    34
+    >>> round(line_bound(704))  # 16 dB
+    41
     """
     half = (BLOCK + 1) / 2
     wanted = np.log(FALSE_ALARM / DIRECTIONS / lines)

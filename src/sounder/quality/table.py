@@ -30,7 +30,7 @@ def tabulate_remarks(remarks: Sequence[Remark]) -> "xr.Dataset":
     --------
     >>> table = tabulate_remarks([Remark(Code.CLIPPED, azimuth=10.0, elevation=0.0, figure=0.02, bound=0.001)])
     >>> table["code"].item(), table["figure"].item(), table["action"].item()
-    ('clipped', 0.02, 'lower the receiver gain')
+    ('clipped', 0.02, 'left out; lower the receiver gain')
     >>> read_remarks(table)[0].code.name
     'CLIPPED'
     """
