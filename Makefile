@@ -13,7 +13,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export OPENBLAS_NUM_THREADS := 1
 PYTEST := $(BIN)/pytest --numprocesses logical --dist loadfile
 
-.PHONY: demo check test lowest lint docs bench clean
+.PHONY: demo check test compiled lowest lint docs bench clean
 
 demo: $(READY)
 	$(BIN)/sounder demo --out demo-output
@@ -21,16 +21,24 @@ demo: $(READY)
 check: lint
 	$(PYTEST) -m "not slow"
 
-test: lint
+test: lint compiled
 	$(PYTEST)
 
+# compile the kernels once, so that the processes of the tests find them
+compiled: $(READY)
+	@$(BIN)/sounder process calibration/recording-132ghz.h5 --calibration calibration/back-to-back-132ghz.h5 \
+		--out .venv/compiled >/dev/null
+
 # the fast tests with the lowest versions that pyproject.toml admits; old versions may warn of newer ones
-lowest: $(READY)
+lowest: .venv-lowest/.ready
+	.venv-lowest/$(PYTEST:.venv/%=%) -m "not slow" -W default::DeprecationWarning -W default::FutureWarning
+
+.venv-lowest/.ready: $(READY)
 	@$(BIN)/python -m venv --clear --without-pip .venv-lowest
 	@$(BIN)/python .ci/lowest.py >.venv-lowest/constraints.txt
 	@$(BIN)/python -m pip --python .venv-lowest install --quiet --disable-pip-version-check \
 		--constraint .venv-lowest/constraints.txt --editable '.[cluster,gis,cad]' --group test
-	.venv-lowest/$(PYTEST:.venv/%=%) -m "not slow" -W default::DeprecationWarning -W default::FutureWarning
+	@touch $@
 
 lint: $(READY)
 	$(BIN)/ruff check

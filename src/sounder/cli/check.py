@@ -13,7 +13,7 @@ def check(
         list[Path], typer.Argument(readable=False, help="Recordings, back-to-back recordings, products or maps (HDF5).")
     ],
 ) -> None:
-    """Read files completely, verify their checksums, and tell which parts are damaged."""
+    """Verify the checksums of files; tell which parts are damaged."""
     from sounder.processing.integrity import check_file
 
     rows: list[list[str]] = []

@@ -90,17 +90,18 @@ def test_directions_of_zeros_or_clipped_samples_are_summed_up(copied, capsys):
             file["iq"][a, 1, 1, 7] = -32768, 32767
     b2b, out = copied / "back-to-back.h5", copied / "out"
     assert run("process", copied / "RX1.h5", "--calibration", b2b, "--out", out) == 1
-    zero, clipped = capsys.readouterr().err.splitlines()
+    burst, zero, clipped = capsys.readouterr().err.splitlines()
+    assert "a snapshot holds a burst of noise" in burst  # the samples at the rails
     who = f"{copied / 'RX1.h5'}: RX1: "
     assert zero == f"{who}all samples are zero in 1 of 24 directions: (azimuth, elevation) (60, -15); left out"
     # 3 of 2 x 254 x 2 numbers at worst
     assert clipped == (
         f"{who}samples are clipped (up to 0.3 %) in 4 of 24 directions: (azimuth, elevation) (210, 15), (240, 15), "
-        "(270, 15) and 1 more; lower the receiver gain"
+        "(270, 15) and 1 more; left out; lower the receiver gain"
     )
     daps = group(out / "RX1.h5", "/daps")
     assert daps["daps"].sel(azimuth=60, elevation=-15).isnull().all()
-    assert daps["daps"].isnull().sum() == 254
+    assert daps["daps"].isnull().sum() == 5 * 254
     assert group(out / "RX1.h5", "/").attrs["problem_directions"] == 5
     capsys.readouterr()
     assert run("info", copied / "RX1.h5") == 0

@@ -79,7 +79,7 @@ def test_one_command_makes_products_table_map_figures_and_report(made):
     options = json.loads(open_group(out / "map.h5").attrs["processing_options"])
     assert options == {
         "threshold": "consistency", "max_reflection_loss": None, "ground_height": 0.0, "min_support": 2,
-        "rx_std": None, "heading_std": None, "clock_std": None,
+        "rx_std": None, "heading_std": None, "clock_std": None, "as_given": False,
     }  # fmt: skip
     inputs = json.loads(open_group(out / "map.h5").attrs["input_sha256"])
     assert inputs == {name.removeprefix("products/"): sha for name, sha in digest(out).items() if "products" in name}
@@ -306,7 +306,9 @@ def test_a_campaign_of_noise_gives_an_empty_map(written, copied, capsys):
     rng = np.random.default_rng(7)
     for name in ("RX1", "RX2"):
         with h5py.File(copied / f"{name}.h5", "r+") as file:
-            file["iq"][()] = rng.integers(-200, 200, file["iq"].shape)
+            # k T B F of 8 dB in 1.2 GHz, in each of I and Q, through the gain of each direction
+            rms = 10 ** ((-75.2 + file["agc_gain"][()]) / 20) / np.sqrt(2) / file["iq"].attrs["scale_factor"]
+            file["iq"][()] = np.round(rms[..., None, None, None] * rng.standard_normal(file["iq"].shape))
     assert run("run", written()) == 0
     assert "map: 0 walls and 0 poles from 0 of 0 MPCs" in capsys.readouterr().out
     text = (copied / "street" / "report.md").read_text(encoding="utf-8")

@@ -93,7 +93,7 @@ def test_files_are_looked_for_beside_the_scene(tmp_path):
         ),
         (NORTH.replace("[[environment.walls]]", '[environment]\nfile = "x"\n[[environment.walls]]'), "walls are both"),
         (NORTH.replace("[transmitters]", "[faults]\nphase_nois = false\n[transmitters]"), "faults.phase_nois: unknown"),
-        ('sounder = "none.toml"\n' + NORTH, "none.toml: No such file"),
+        ('sounder = "none.toml"\n' + NORTH, "none.toml: no such file"),
     ],
 )
 def test_a_scene_that_does_not_fit_is_refused_by_name(tmp_path, text, said):
