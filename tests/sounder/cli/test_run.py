@@ -308,6 +308,7 @@ def test_a_campaign_of_noise_gives_an_empty_map(written, copied, capsys):
         with h5py.File(copied / f"{name}.h5", "r+") as file:
             # k T B F of 8 dB in 1.2 GHz, in each of I and Q, through the gain of each direction
             rms = 10 ** ((-75.2 + file["agc_gain"][()]) / 20) / np.sqrt(2) / file["iq"].attrs["scale_factor"]
+            file.attrs["los"] = 0
             file["iq"][()] = np.round(rms[..., None, None, None] * rng.standard_normal(file["iq"].shape))
     assert run("run", written()) == 0
     assert "map: 0 walls and 0 poles from 0 of 0 MPCs" in capsys.readouterr().out
