@@ -7,7 +7,13 @@ import pytest
 
 mpl.use("Agg")
 
-SLOW_EXAMPLES = ("src/sounder/__init__.py", "src/sounder/campaign/run.py")
+SLOW_EXAMPLES = (
+    "src/sounder/__init__.py",
+    "src/sounder/campaign/run.py",
+    "src/sounder/processing/channel_parameters.py",
+    "src/sounder/products/engine.py",
+    "src/erm/reconstruction/make_map.py",
+)
 """Files whose docstrings have examples that process captures."""
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 

@@ -12,6 +12,8 @@ from erm.survey.residuals import Faces
 
 from .worlds import World, nearby, random_world
 
+pytestmark = pytest.mark.slow
+
 
 def solved(world: World, rng: np.random.Generator, given: SurveyStd, *, common: bool = False) -> Bundle:
     return adjust(world.observations, nearby(rng, world.faces), len(world.errors), given, common=common)
@@ -27,7 +29,6 @@ def in_standard_errors(world: World, found: Bundle) -> tuple[FloatArray, FloatAr
     return faces, (found.errors - world.errors) / stated
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("given", [SurveyStd(0.2, 3.0, 0.15), SurveyStd()])
 def test_errors_are_as_large_as_stated(given: SurveyStd) -> None:
     # 1600 errors of positions, 100 of faces; the faces of one world share its rotation

@@ -7,6 +7,8 @@ from erm.survey.calibration import apply, calibrate
 
 from .streets import street
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(("heading", "clock", "gain"), [(5.0, 3e-9, 55.0), (-40.0, -2e-8, -30.0), (170.0, 4e-7, 0.0)])
 def test_common_errors_are_found_and_removed(heading, clock, gain):

@@ -8,6 +8,8 @@ from erm.survey.conventions import contradictions
 
 from .streets import street
 
+pytestmark = pytest.mark.slow
+
 CHANGES = {
     "radians": lambda t: t.assign(azimuth=np.deg2rad(t["azimuth"])),
     "compass": lambda t: t.assign(azimuth=90 - t["azimuth"]),
@@ -22,7 +24,6 @@ CHANGES = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("word", CHANGES)
 def test_a_convention_is_named_and_only_that(word):
     causes = contradictions(CHANGES[word](street()))
@@ -32,7 +33,6 @@ def test_a_convention_is_named_and_only_that(word):
     assert len(causes[0].conventions) == (2 if word in ("compass", "north") else 1)
 
 
-@pytest.mark.slow
 def test_conventions_that_are_wrong_together_are_all_named():
     table = street()
     for word in ("radians", "nanoseconds", "GHz"):

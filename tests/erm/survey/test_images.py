@@ -1,6 +1,7 @@
 """Heading and clock without any direct path: from images, where they show them."""
 
 import numpy as np
+import pytest
 import xarray as xr
 
 import erm
@@ -10,6 +11,8 @@ from erm.survey.observations import Observations
 from erm.survey.sharpness import Sharpness
 
 from .streets import noisy, street
+
+pytestmark = pytest.mark.slow
 
 
 def without_direct_paths(table: xr.Dataset) -> xr.Dataset:

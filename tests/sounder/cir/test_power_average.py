@@ -11,6 +11,8 @@ from sounder.cir import transforms
 from sounder.cir.power_average import PowerAverage
 from sounder.cir.transforms import fast_length, fastest_transforms
 
+pytestmark = pytest.mark.slow
+
 
 def deembedding_of(rng, samples):
     """Any smooth transfer without DC."""

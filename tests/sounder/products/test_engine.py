@@ -14,6 +14,8 @@ from erm.common.storage import write_product
 from sounder import shipped
 from sounder.products.engine import ProductEngine
 
+pytestmark = pytest.mark.slow
+
 PROJECT = Path(__file__).parents[3]
 
 

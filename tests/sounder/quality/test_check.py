@@ -11,6 +11,8 @@ from sounder.quality.check import check_responses
 from sounder.remark import Code
 from sounder.twin import receiver
 
+pytestmark = pytest.mark.slow
+
 DIRECTION = 3, 1  # azimuth 30, elevation 0, where the path is
 
 

@@ -11,6 +11,8 @@ from sounder.remark import Code
 
 from .links import RX, SOUNDER, TX, direct, judged, metres, recording
 
+pytestmark = pytest.mark.slow
+
 
 def codes(remarks) -> set[Code]:
     return {remark.code for remark in remarks}

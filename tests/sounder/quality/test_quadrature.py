@@ -9,6 +9,8 @@ from sounder.remark import Code
 
 from .links import connected, direct, judged, recording, reread
 
+pytestmark = pytest.mark.slow
+
 PATHS = direct(), direct(delay=14e-9, azimuth=-15.0, path_gain=-9.0)
 
 

@@ -20,6 +20,8 @@ from sounder.verification.links import expected_link
 from sounder.verification.page import draw_page
 from sounder.verification.verify import Figure, Verified, verify
 
+pytestmark = pytest.mark.slow
+
 FULL = load_sounder(shipped.calibration("sounder-132ghz.toml"))
 SOUNDER: Sounder = FULL.model_copy(
     update={"scan": FULL.scan.model_copy(update={"azimuth": (0.0, 10.0, 20.0), "elevation": (-9.0, 0.0, 9.0)})}
@@ -97,7 +99,6 @@ def test_errors_of_known_size_are_measured(tmp_path: Path) -> None:
     assert figure(verified, "cable", "repeatability of gain").measured < 0.02
 
 
-@pytest.mark.slow
 def test_a_link_of_known_length(tmp_path: Path) -> None:
     import xarray as xr
 
@@ -149,7 +150,6 @@ def test_history_holds_a_row_a_day_and_figure(tmp_path: Path) -> None:
     assert len(page.axes) == 4
 
 
-@pytest.mark.slow
 def test_the_command_writes_page_and_history_and_fails_on_disagreement(tmp_path: Path, capsys) -> None:
     from typer.testing import CliRunner
 

@@ -6,6 +6,8 @@ import pytest
 from sounder.kernels.correlation import reference
 from sounder.kernels.correlation.aligner import CaptureAligner
 
+pytestmark = pytest.mark.slow
+
 
 def captures_of(rng, template, phases, noise, kind):
     """Two paths in white noise of a standard deviation, in LSB, with an offset of the receiver."""
