@@ -1,6 +1,7 @@
 # Every target makes its own .venv; nothing is needed beside Python >= 3.11 with pip.
 #   make check   lint, types, import rules and the fast tests: the inner loop
-#   make test    the same with all tests
+#   make test    the same with all tests but the longest
+#   make long    the tests that take ten seconds or more
 #   make lowest  the fast tests with the lowest versions that pyproject.toml admits
 # Another interpreter: make PYTHON=python3.12 test
 
@@ -13,16 +14,19 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export OPENBLAS_NUM_THREADS := 1
 PYTEST := $(BIN)/pytest --numprocesses logical --dist loadfile
 
-.PHONY: demo check test compiled lowest lint docs bench clean
+.PHONY: demo check test long compiled lowest lint docs bench clean
 
 demo: $(READY)
 	$(BIN)/sounder demo --out demo-output
 
 check: lint
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow and not long"
 
 test: lint compiled
-	$(PYTEST)
+	$(PYTEST) -m "not long"
+
+long: $(READY)
+	$(PYTEST) -m long
 
 # compile the kernels once, so that the processes of the tests find them
 compiled: $(READY)
@@ -31,7 +35,7 @@ compiled: $(READY)
 
 # the fast tests with the lowest versions that pyproject.toml admits; old versions may warn of newer ones
 lowest: .venv-lowest/.ready
-	.venv-lowest/$(PYTEST:.venv/%=%) -m "not slow" -W default::DeprecationWarning -W default::FutureWarning
+	.venv-lowest/$(PYTEST:.venv/%=%) -m "not slow and not long" -W default::DeprecationWarning -W default::FutureWarning
 
 .venv-lowest/.ready: $(READY)
 	@$(BIN)/python -m venv --clear --without-pip .venv-lowest

@@ -16,6 +16,16 @@ SLOW_EXAMPLES = (
 )
 """Files whose docstrings have examples that process captures."""
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
+LONG_TESTS = (
+    "tests/erm/reconstruction/test_rx_std.py",
+    "tests/erm/reconstruction/search/test_density.py::test_four_links",
+    "tests/sounder/campaign/test_demo.py",
+    "tests/sounder/campaign/test_letter_study.py",
+    "tests/sounder/campaign/test_study.py",
+    "tests/sounder/mpc/test_fan.py",
+    "tests/sounder/processing/test_raytraced.py",
+)
+"""Tests that take ten seconds or more; `make long` runs them."""
 
 
 @pytest.fixture(scope="session")
@@ -27,7 +37,9 @@ def shared_data() -> Path:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark examples of docstrings that take more than half a second."""
+    """Mark examples of docstrings that take more than half a second, and long tests."""
     for item in items:
         if item.nodeid.startswith(SLOW_EXAMPLES):
             item.add_marker(pytest.mark.slow)
+        if item.nodeid.startswith(LONG_TESTS):
+            item.add_marker(pytest.mark.long)
