@@ -28,7 +28,7 @@ def damaged(path: Path, error: Exception, what: str = "") -> DataError:
     text = " ".join(str(error).split())
     if "unable to lock file" in text:
         return DataError(f"{path}: is locked: another program has it open for writing; close it there, or wait")
-    if "filter returned failure" in text:
+    if "filter returned failure" in text or "Fletcher32" in text:  # the second is what older HDF5 says
         text = "its checksum does not hold, or it cannot be unpacked"
     whole = re.search(r"stored_eof = (\d+)", text)
     reason = f"{path.stat().st_size} of its {whole[1]} bytes" if whole else text or type(error).__name__
