@@ -4,13 +4,17 @@ xarray's writers first make an empty scale for each dimension, and replace it by
 space of the empty scale only if Python has released it. A profiler that samples frames, as that of dask's workers, can
 keep it alive; then the same content stands at other places in the file. This writer replaces nothing.
 
+The reader asks HDF5 once for each member. h5netcdf looks up each dimension of each variable many times, which takes
+several times as long for products: their groups have many small variables.
+
 References
 ----------
 The NetCDF-4 file format, Unidata, appendix "NetCDF-4 File Format Specification"; HDF5 Dimension Scale Specification.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from erm.common.gate.hdf5 import Dataset, Group
 from erm.common.integrity import checksummed
 
 if TYPE_CHECKING:
@@ -18,6 +22,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.%10d"
+STRUCTURE = {
+    "CLASS",
+    "NAME",
+    "REFERENCE_LIST",
+    "DIMENSION_LIST",
+    "_Netcdf4Dimid",
+    "_Netcdf4Coordinates",
+    "_NCProperties",
+}
+"""Attributes of HDF5 and netCDF for themselves, most of which tie variables to dimensions."""
 
 
 def write_group(group: "h5py.Group", dataset: "xr.Dataset") -> None:
@@ -48,6 +62,64 @@ def write_group(group: "h5py.Group", dataset: "xr.Dataset") -> None:
             made = _create(group, name, variable)
             for axis, dimension in enumerate(variable.dims):
                 made.dims[axis].attach_scale(group[str(dimension)])
+
+
+def read_group(group: Group) -> "xr.Dataset":
+    """Read the variables of a group into memory, decoded by the conventions of CF.
+
+    Parameters
+    ----------
+    group : Group
+        Group of any netCDF4 or HDF5 file. Axes without a dimension are called after their length: ``axis_3``; a second
+        one of this length in a variable is ``axis_3_1``.
+    """
+    import xarray as xr
+
+    members = {name: member for name, member in group.items() if isinstance(member, Dataset) and not member.empty}
+    ordered = sorted(members, key=lambda name: members[name].is_scale)  # coordinates last, as netCDF lists them
+    variables = {name: _read(name, members[name]) for name in ordered if not _is_bare_dimension(members[name])}
+    attributes = {name: _single(value) for name, value in group.attrs.items() if name not in STRUCTURE}
+    return xr.decode_cf(xr.Dataset(variables, attrs=attributes))
+
+
+def _is_bare_dimension(member: Dataset) -> bool:
+    """Whether a scale has a length and no values."""
+    name = member.node.attrs.get("NAME", b"") if member.is_scale else b""
+    return bytes(name).startswith(NO_VARIABLE.partition("%")[0].encode())
+
+
+def _read(name: str, member: Dataset) -> "xr.Variable":
+    import h5py
+    import numpy as np
+    import xarray as xr
+
+    attributes = {key: _single(member.attrs[key]) for key in member.attrs if key not in STRUCTURE}
+    values = member[()]
+    if h5py.check_string_dtype(member.dtype) is not None and member.dtype.kind == "O":
+        values = np.asarray(member.node.asstr()[()], str)
+    return xr.Variable(_dimensions(name, member), values, attributes, {"dtype": member.dtype})
+
+
+def _dimensions(name: str, member: Dataset) -> list[str]:
+    """Names of the axes of a variable."""
+    import h5py
+
+    if member.is_scale and member.ndim == 1:
+        return [name]
+    scales = member.node.attrs.get("DIMENSION_LIST", [()] * member.ndim)
+    names: list[str] = []
+    for length, references in zip(member.shape, scales, strict=True):
+        place = h5py.h5r.get_name(references[0], member.node.id) if len(references) else b""
+        called = place.decode().rpartition("/")[2] or f"axis_{length}"
+        names.append(called if called not in names else f"{called}_{names.count(called)}")
+    return names
+
+
+def _single(value: Any) -> Any:
+    """The only element of an attribute in place of an array, as netCDF has it."""
+    import numpy as np
+
+    return value.reshape(-1)[0] if isinstance(value, np.ndarray) and value.size == 1 else value
 
 
 def _create(group: "h5py.Group", name: str, variable: "xr.Variable") -> "h5py.Dataset":

@@ -17,7 +17,7 @@ from erm.common.gate.hdf5 import Group, open_hdf5
 from erm.common.gate.limits import current, too_large
 from erm.common.hdf5_output import new_hdf5
 from erm.common.integrity import MEMBERS, list_members, require_members
-from erm.common.netcdf import write_group
+from erm.common.netcdf import read_group, write_group
 from erm.common.version import __version__
 
 if TYPE_CHECKING:
@@ -161,19 +161,17 @@ def open_group(path: Path | str, group: str = "/", expected: str = "a product of
     DataError
         The file is missing, is not HDF5, is damaged, or has no such group.
     """
-    import xarray as xr
-
     path = Path(path)
     with open_hdf5(path, expected) as file:
-        _require_group(file, group, expected)
+        found = _require_group(file, group, expected)
         require_members(file, group)
-        with refused(path), xr.open_dataset(path, group=group, engine="h5netcdf", phony_dims="sort") as dataset:
-            dataset.load()
+        with refused(path):
+            dataset = read_group(found)
             dataset.attrs.pop(MEMBERS, None)  # of this file, not of what is made from it
             return dataset
 
 
-def _require_group(file: Group, name: str, expected: str) -> None:
+def _require_group(file: Group, name: str, expected: str) -> Group:
     """Refuse a file that has no such group, or in which the group or one above it has what the gate refuses."""
     node: Any = file
     total = 0
@@ -187,3 +185,4 @@ def _require_group(file: Group, name: str, expected: str) -> None:
             total += 0 if isinstance(member, Group) else member.item * member.size
     if total > current().max_bytes:
         raise DataError(f"{file.path}: {name} {too_large(total)}")
+    return node

@@ -116,6 +116,38 @@ def test_a_product_comes_back_group_by_group(tmp_path):
         xr.testing.assert_identical(open_group(tmp_path / "p.h5", name), dataset)
 
 
+@pytest.mark.parametrize("writer", ["this", "xarray"])
+def test_a_group_is_read_as_xarray_reads_it(tmp_path, writer):
+    """The engine h5netcdf is the reference, for files of this software and of xarray."""
+    dataset = xr.Dataset(
+        {
+            "used": ("mpc", [True, False, True], {"flag_values": np.array([0, 1], np.int8)}),
+            "share": (("mpc", "end"), np.array([[1, np.nan], [2, 3], [4, 5]], np.float32), {"one": np.array([7])}),
+            "text": ("mpc", np.array(["a", "", "\N{GREEK SMALL LETTER TAU}"])),
+            "height": ((), 2.5),
+        },
+        coords={"end": ["tx", "rx"], "delay": ("mpc", [1e-9, 2e-9, 3e-9], {"units": "s"})},
+        attrs={"title": "T", "frequency": 132e9},
+    )
+    if writer == "this":
+        write_product({"/": dataset}, tmp_path / "p.h5")
+    else:
+        dataset.to_netcdf(tmp_path / "p.h5", engine="h5netcdf")
+    read = open_group(tmp_path / "p.h5")
+    with xr.open_dataset(tmp_path / "p.h5", engine="h5netcdf") as expected:
+        expected.attrs.pop("members", None)
+        xr.testing.assert_identical(read, expected.load())
+    assert {name: one.dtype for name, one in read.variables.items()} == {
+        name: one.dtype for name, one in expected.variables.items()
+    }
+
+
+def test_axes_without_a_name_get_one(tmp_path):
+    with h5py.File(tmp_path / "p.h5", "w") as file:
+        file["a"], file["b"] = np.eye(3), np.zeros(2)
+    assert open_group(tmp_path / "p.h5").sizes == {"axis_3": 3, "axis_3_1": 3, "axis_2": 2}
+
+
 def test_the_same_groups_are_the_same_bytes(tmp_path):
     for name in ("a.h5", "b.h5"):
         write_product(groups(), tmp_path / name)
