@@ -6,7 +6,7 @@ of 10 to 40 dB SNR in a part of the period, one phase a path, or one a beam as w
 part: many weak paths about the strong ones, whose power falls with delay). Captures are made by the equations of the
 twin in double precision: nothing of the estimator is in them.
 
-    python benchmarks/estimator.py [worlds] [first seed] [--threshold usc] [--method sage] [--quiet 1] [--csv FILE]
+    python benchmarks/estimator.py [worlds] [first seed] [--threshold usc] [--method sage] [--quiet 1] [--each 1]
 
 ``--quiet 1`` leaves out all paths, for false MPCs of noise alone. Separated paths are those with no other within 4
 cells of ``1 / bandwidth`` and half a beamwidth; their errors are compared with the Cramer-Rao bound of a path alone.
@@ -17,6 +17,7 @@ import pools  # isort: skip  # noqa: F401
 import argparse
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -241,7 +242,7 @@ def report(rows: list[dict[str, npt.NDArray[np.generic]]], spent: float) -> None
     strong = snr >= STRONG
     groups = {"separated, 15 dB": apart & strong, "separated, weaker": apart & ~strong, "others": ~apart & strong}
     edges = np.percentile(snr, np.linspace(0, 100, 6)) if snr.size else []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         groups[f"SNR {low:.0f} to {high:.0f} dB"] = (snr >= low) & (snr <= high)
     for name, which in groups.items():
         hit = which & found
