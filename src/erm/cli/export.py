@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from erm.cli.arguments import MapFile
-from erm.common.console import counted
 from erm.common.errors import DataError, OptionError
 from erm.common.outputs import protect_inputs
 from erm.maps.formats import DRAWING_FREQUENCY, DRAWING_HEIGHT, DRAWING_MARGIN
@@ -51,6 +50,7 @@ def export(
 
     from erm.maps.formats import read_map, require_format, write_map
     from erm.maps.georeference import Georeference
+    from erm.maps.reflectors import counted_reflectors
 
     if origin is None and (origin_height or heading):
         raise typer.BadParameter("--origin-height and --heading need --origin LATITUDE LONGITUDE")
@@ -64,6 +64,5 @@ def export(
     if georeference is not None:
         place = replace(place, georeference=georeference)
     write_map(place, out, height=height, margin=margin, frequency=frequency)
-    kinds = place.reflectors["kind"].values.tolist()
     meshes = f"; meshes: {out.stem}-*.ply" if out.suffix.lower() == ".xml" else ""
-    print(f"{out}: {counted(kinds.count('wall'), 'wall')} and {counted(kinds.count('pole'), 'pole')}{meshes}")
+    print(f"{out}: {counted_reflectors(place.reflectors['kind'].values.tolist())}{meshes}")

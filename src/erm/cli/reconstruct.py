@@ -156,10 +156,10 @@ def _print_reflectors(environment: "Environment") -> None:
 
 
 def _print_summary(environment: "Environment", located: "xr.Dataset", out: Path, min_support: int) -> None:
+    from erm.maps.reflectors import counted_reflectors
     from erm.reconstruction.summary import explain_unused
 
-    kind = environment.reflectors["kind"].values
-    found = " and ".join(console.counted(int((kind == thing).sum()), thing) for thing in ("wall", "pole"))
+    found = counted_reflectors(environment.reflectors["kind"].values.tolist())
     print(f"{out}: {found} from {int(located['accepted'].sum())} of {located.sizes['mpc']} MPCs")
     for line in explain_unused(located, min_support):
         print(line)

@@ -39,11 +39,11 @@ class Sector(NamedTuple):
 
 
 def reflector_names(environment: Environment) -> list[str]:
-    """Short names of the reflectors of a map: W for a wall, P for a pole, and its row in the table, from 0.
+    """Short names of the reflectors of a map: W (wall), P (pole) or A (arc) and the row in the table, from 0.
 
     ``erm reconstruct`` prints the same numbers, and the column ``wall`` of an MPC table holds them.
     """
-    return [f"{'W' if kind == 'wall' else 'P'}{row}" for row, kind in enumerate(environment.reflectors["kind"].values)]
+    return [f"{kind[0].upper()}{row}" for row, kind in enumerate(environment.reflectors["kind"].values)]
 
 
 def count_reflectors(label: str) -> int:

@@ -9,6 +9,7 @@ from erm.figures.map_marks import MAX_NAMED, along_segments, antenna_pairs, draw
 from erm.figures.style import PALETTE, draw_points, draw_segments, fit_frame, legend_above, new_axes
 from erm.geometry.vertical import FloatArray
 from erm.maps.environment import Environment
+from erm.maps.outline import outline_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,11 +60,11 @@ def plot_map(
     drawn: list[FloatArray] = []
     if environment is not None:
         reflectors = environment.reflectors
-        is_wall = reflectors["kind"].values == "wall"
+        is_pole = reflectors["kind"].values == "pole"
         walls = reflectors["end_points"].values
-        draw_segments(axes, walls[is_wall], "wall", "merged wall")
-        if not is_wall.all():
-            x, y = walls[~is_wall, 0].T
+        draw_segments(axes, outline_of(environment), "wall", "merged wall")
+        if is_pole.any():
+            x, y = walls[is_pole, 0].T
             axes.scatter(x, y, s=30, marker="s", color=PALETTE["wall"], label="pole", zorder=4)
         drawn.append(walls.reshape(-1, 2))
     if table is not None:

@@ -43,7 +43,7 @@ class Environment:
     Parameters
     ----------
     reflectors : xarray.Dataset
-        Walls and poles; a table of `erm.maps.reflectors.make_reflectors`.
+        Walls, poles and arcs; a table of `erm.maps.reflectors.make_reflectors`.
     ground, ceiling : Slab, optional
         Infinite planes below and above; absent if None.
     materials : mapping of str to Material
@@ -110,11 +110,13 @@ class Environment:
         base: ArrayLike = 0.0,
         top: ArrayLike = np.inf,
         covariance: ArrayLike = np.nan,
-        support: ArrayLike = 0,
-        residual: ArrayLike = np.nan,
         material: ArrayLike = "metal",
+        **others: Any,
     ) -> "Environment":
-        """Add vertical poles with centres (pole, 2) [m] and their covariance (pole, 2, 2) [m2] after the reflectors."""
+        """Add vertical poles with centres (pole, 2) [m] and their covariance (pole, 2, 2) [m2] after the reflectors.
+
+        ``others`` are arguments of `erm.maps.reflectors.make_reflectors`.
+        """
         import xarray as xr
 
         centre = np.asarray(centres, dtype=float).reshape(-1, 1, 2)
@@ -125,12 +127,49 @@ class Environment:
             base=base,
             top=top,
             centre_covariance=covariance,
-            support=support,
-            residual=residual,
             material=material,
+            **others,
         )
         joined = xr.concat([self.reflectors, poles], dim="reflector")
         return replace(self, reflectors=joined)
+
+    def with_arcs(
+        self,
+        centres: ArrayLike,
+        radius: ArrayLike,
+        azimuths: ArrayLike,
+        *,
+        material: ArrayLike = DEFAULT_MATERIAL,
+        **others: Any,
+    ) -> "Environment":
+        """Add vertical curved faces after the reflectors.
+
+        Parameters
+        ----------
+        centres : array (arc, 2)
+            [m].
+        radius : array (arc,)
+            Negative where the face is concave toward the antennas [m].
+        azimuths : array (arc, 2)
+            Of both ends, seen from the centre, counter-clockwise from the first to the second [degree].
+        material : str or array (arc,) of str
+        **others
+            Other arguments of `erm.maps.reflectors.make_reflectors`.
+
+        Examples
+        --------
+        >>> import erm
+        >>> corner = erm.Environment.empty().with_arcs([[0, 0]], 2.0, [[0, 90]])
+        >>> corner.reflectors["end_points"].values.round(2).tolist()
+        [[[2.0, 0.0], [0.0, 2.0]]]
+        """
+        import xarray as xr
+
+        centre = np.asarray(centres, dtype=float).reshape(-1, 2)
+        size = np.broadcast_to(np.abs(np.asarray(radius, dtype=float)), len(centre))
+        ends = centre[:, None] + size[:, None, None] * unit(np.reshape(azimuths, (-1, 2)))
+        arcs = make_reflectors(ends, kind="arc", radius=radius, centre=centre, material=material, **others)
+        return replace(self, reflectors=xr.concat([self.reflectors, arcs], dim="reflector"))
 
     def moved(self, rotation_deg: float, translation: Sequence[float] | np.ndarray) -> "Environment":
         """Rotate counter-clockwise about the origin, then translate.
@@ -155,6 +194,7 @@ class Environment:
         jacobian[:, 1, 0] = np.radians(unit(normal + 90) @ shift[:2])
         moved = {
             "end_points": table.end_points.values @ rotation + shift[:2],
+            "centre": table.centre.values @ rotation + shift[:2],
             "normal": normal,
             "offset": table.offset.values + unit(normal) @ shift[:2],
             "covariance": jacobian @ table.covariance.values @ jacobian.swapaxes(1, 2),

@@ -8,6 +8,7 @@ import numpy as np
 
 from erm.common.errors import DataError, OptionError
 from erm.geometry.vertical import FloatArray
+from erm.maps.arcs import arc_points
 from erm.maps.environment import Environment
 from erm.maps.features import number, read_features
 from erm.maps.formats import read_map
@@ -106,12 +107,16 @@ def known_faces(
 
 
 def outline_of(environment: Environment, georeference: Georeference | None = None) -> FloatArray:
-    """Wall segments (segment, 2 ends, 2) of an environment [m]; poles have none.
+    """Segments (segment, 2 ends, 2) of the walls and arcs of an environment [m]; poles have none.
 
     If both ``georeference`` and the environment's own are given, the segments are in the frame of ``georeference``.
     """
     table = environment.reflectors
     ends = table["end_points"].values[table["kind"].values == "wall"]
+    for row in np.flatnonzero(table["kind"].values == "arc").tolist():
+        end_points, centre = table["end_points"].values[row], table["centre"].values[row]
+        points = arc_points(end_points, centre, float(table["radius"].values[row]))
+        ends = np.concatenate([ends, np.stack([points[:-1], points[1:]], axis=1)])
     own = environment.georeference
     if own and georeference and own != georeference:
         return georeference.to_local(own.to_geodetic(ends))[..., :2]

@@ -1,11 +1,12 @@
-"""The table of reflectors: walls and poles with their uncertainty, one `xarray.Dataset` along ``reflector``."""
+"""The table of reflectors: walls, poles and arcs with their uncertainty, one `xarray.Dataset` along ``reflector``."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from erm.common.console import counted
 from erm.common.errors import DataError
 from erm.geometry.vertical import unit
 
@@ -13,18 +14,25 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DEFAULT_MATERIAL = "concrete"
+MAX_OFF_CIRCLE = 0.01
+"""Distance of the ends of an arc from its circle that files round to [m], and as a share of the radius."""
+OFF_CIRCLE = "is an arc whose ends are not on the circle of its centre and radius"
 VARIABLES: Mapping[str, tuple[tuple[str, ...], str, str]] = {
-    "kind": ((), "", "wall or pole"),
+    "kind": ((), "", "wall, pole or arc"),
     "end_points": (("end", "xy"), "m", "end points, east and north"),
-    "radius": ((), "m", "radius of a pole"),
+    "radius": ((), "m", "radius of a pole or arc, negative where concave toward the antennas"),
+    "radius_std": ((), "m", "standard deviation of the radius"),
+    "centre": (("xy",), "m", "centre of a pole or arc, east and north"),
     "base": ((), "m", "height of the lower edge"),
     "top": ((), "m", "height of the upper edge"),
     "normal": ((), "degree", "azimuth of the face normal"),
     "offset": ((), "m", "distance of the wall from the origin along its normal"),
     "covariance": (("parameter", "parameter_2"), "", "covariance of normal [degree] and offset [m]"),
-    "centre_covariance": (("xy", "xy_2"), "m2", "covariance of the centre of a pole, east and north"),
+    "centre_covariance": (("xy", "xy_2"), "m2", "covariance of the centre of a pole or arc, east and north"),
     "support": ((), "1", "number of MPCs of the reflector"),
     "residual": ((), "1", "chi-squared of these MPCs per degree of freedom"),
+    "relief": ((), "m", "standard deviation of the offsets of the parts of a facade"),
+    "tilt": ((), "degree", "standard deviation of the directions of the parts of a facade"),
     "material": ((), "", "name of the material"),
 }
 """Further dimensions, unit and description of each variable."""
@@ -35,6 +43,8 @@ def make_reflectors(
     *,
     kind: ArrayLike = "wall",
     radius: ArrayLike = 0.0,
+    radius_std: ArrayLike = np.nan,
+    centre: ArrayLike = np.nan,
     base: ArrayLike = 0.0,
     top: ArrayLike = np.inf,
     normal: ArrayLike = np.nan,
@@ -43,6 +53,8 @@ def make_reflectors(
     centre_covariance: ArrayLike = np.nan,
     support: ArrayLike = 0,
     residual: ArrayLike = np.nan,
+    relief: ArrayLike = np.nan,
+    tilt: ArrayLike = np.nan,
     material: ArrayLike = DEFAULT_MATERIAL,
 ) -> "xr.Dataset":
     """Make a table of reflectors. Single values apply to all reflectors.
@@ -54,22 +66,28 @@ def make_reflectors(
     Parameters
     ----------
     end_points : array (reflector, 2, 2)
-        End points, east/north [m]; both are the centre for a pole.
-    kind : array (reflector,) of {"wall", "pole"}
+        End points, east/north [m]; both are the centre for a pole. An arc goes counter-clockwise about its centre.
+    kind : array (reflector,) of {"wall", "pole", "arc"}
     radius : array (reflector,)
-        Radius of a pole [m]; 0 for a wall.
+        Radius of a pole or arc [m], negative where the face is concave toward the antennas; 0 for a wall.
+    radius_std : array (reflector,)
+        Its standard deviation [m]; NaN if unknown.
+    centre : array (reflector, 2)
+        Centre of an arc, east/north [m]; NaN for a wall. That of a pole is its end point.
     base, top : array (reflector,)
         Heights of the lower and upper edge [m]; may be infinite.
     normal, offset : array (reflector,)
-        Azimuth of the normal [degree] and ``n.p`` [m]; NaN for poles.
+        Azimuth of the normal [degree] and ``n.p`` [m]; NaN for poles and arcs.
     covariance : array (reflector, 2, 2)
-        Covariance of (normal [degree], offset [m]); NaN if unknown, and for poles.
+        Covariance of (normal [degree], offset [m]); NaN if unknown, and for poles and arcs.
     centre_covariance : array (reflector, 2, 2)
-        Covariance of the centre of a pole, (east, north) [m2]; NaN if unknown, and for walls.
+        Covariance of the centre of a pole or arc, (east, north) [m2]; NaN if unknown, and for walls.
     support : array (reflector,) of int
         Number of MPCs that the reflector was made from; 0 for a drawn one.
     residual : array (reflector,)
         Chi-squared of these MPCs per degree of freedom; NaN if unknown.
+    relief, tilt : array (reflector,)
+        Standard deviations of the offsets [m] and directions [degree] of the parts of a facade; NaN if unknown.
     material : array (reflector,) of str
 
     Returns
@@ -93,6 +111,8 @@ def make_reflectors(
     given: tuple[tuple[str, ArrayLike, type, tuple[int, ...]], ...] = (
         ("kind", kind, str, ()),
         ("radius", radius, float, ()),
+        ("radius_std", radius_std, float, ()),
+        ("centre", centre, float, (2,)),
         ("base", base, float, ()),
         ("top", top, float, ()),
         ("normal", normal, float, ()),
@@ -101,6 +121,8 @@ def make_reflectors(
         ("centre_covariance", centre_covariance, float, (2, 2)),
         ("support", support, np.int64, ()),
         ("residual", residual, float, ()),
+        ("relief", relief, float, ()),
+        ("tilt", tilt, float, ()),
         ("material", material, str, ()),
     )
     for name, value, dtype, shape in given:
@@ -111,6 +133,7 @@ def make_reflectors(
     derived = (columns["kind"] == "wall") & (np.isnan(columns["normal"]) | np.isnan(columns["offset"]))
     columns["normal"] = np.where(derived, azimuth, columns["normal"] % 360)
     columns["offset"] = np.where(derived, (unit(columns["normal"]) * ends[:, 0]).sum(-1), columns["offset"])
+    columns["centre"] = np.where((columns["kind"] == "pole")[:, None], ends[:, 0], columns["centre"])
     return xr.Dataset(
         {
             name: (
@@ -135,16 +158,32 @@ def check_reflectors(table: "xr.Dataset") -> None:
         raise DataError(f"reflectors lack {', '.join(missing)}; make them with make_reflectors")
     kind = table.kind.values
     ends = table.end_points.values
-    is_wall = kind == "wall"
+    is_wall, is_arc = kind == "wall", kind == "arc"
+    size = np.abs(table.radius.values)
+    off = np.linalg.norm(ends - table.centre.values[:, None], axis=-1) - size[:, None]
     length = np.hypot(*np.moveaxis(ends[:, 1] - ends[:, 0], -1, 0))
     base, top = table.base.values, table.top.values
     rules = (
-        (is_wall | (kind == "pole"), "is neither a wall nor a pole"),
+        (is_wall | is_arc | (kind == "pole"), "is no wall, pole or arc"),
         (np.isfinite(ends).all(axis=(1, 2)), "has end points that are not finite numbers"),
         (~is_wall | (length > 0), "is a wall of length 0"),
-        (is_wall | (table.radius.values > 0), "is a pole without a positive radius"),
+        (is_wall | is_arc | (table.radius.values > 0), "is a pole without a positive radius"),
+        (~is_arc | (size > 0), "is an arc without a radius"),
+        (~is_arc | (np.abs(off) <= MAX_OFF_CIRCLE + MAX_OFF_CIRCLE * size[:, None]).all(axis=1), OFF_CIRCLE),
         (base < top, "has a top that is not above its base"),
     )
     for holds, problem in rules:
         if not holds.all():
             raise DataError(f"reflector {int(np.argmin(holds))} {problem}")
+
+
+def counted_reflectors(kinds: Sequence[str]) -> str:
+    """Number of reflectors of each kind in words.
+
+    Examples
+    --------
+    >>> counted_reflectors(["wall", "wall", "arc"])
+    '2 walls, 1 arc and 0 poles'
+    """
+    wall, arc, pole = (counted(kinds.count(kind), kind) for kind in ("wall", "arc", "pole"))
+    return f"{wall}, {arc} and {pole}" if "arc" in kinds else f"{wall} and {pole}"

@@ -1,99 +1,110 @@
-"""Specular reflection by vertical cylinders: lamp posts, pillars, masts."""
+"""Vertical cylinders of an environment, poles and arcs: what they reflect and what they block."""
+
+from typing import NamedTuple
 
 import numpy as np
 
+from erm.geometry.cylinders import reflection_azimuths, spreading_factor
+from erm.geometry.vertical import azimuth_of, unit
+from erm.maps.environment import Environment
+from erm.tracing.faces import FACE_THICKNESS
 
-def pole_reflections(
-    tx: np.ndarray, rx: np.ndarray, centre: np.ndarray, radius: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Reflection points on vertical cylinders.
 
-    In the plan view the point lies on the arc between the directions to the two antennas, where the angles of incidence
-    and reflection are equal. Their difference grows along the arc, so bisection finds the point. Its height is
-    proportional to the horizontal length from the transmitter, as on any vertical face.
+class Cylinders(NamedTuple):
+    """Parts of vertical cylinders, all of a circle or an arc of it."""
 
-    Parameters
-    ----------
-    tx, rx : array (3,)
-        Positions of the antennas [m].
-    centre : array (pole, 2)
-        Centres of the poles [m].
-    radius : array (pole,)
-        Radii of the poles [m].
+    label: np.ndarray  # (cylinder,) index of the reflector in the environment
+    centre: np.ndarray  # (cylinder, 2) m
+    radius: np.ndarray  # (cylinder,) m, positive
+    first: np.ndarray  # (cylinder,) degree, azimuth of the first end, seen from the centre
+    sweep: np.ndarray  # (cylinder,) degree, counter-clockwise to the second end; 360 of a pole
+    base: np.ndarray  # (cylinder,) m
+    top: np.ndarray  # (cylinder,) m
 
-    Returns
-    -------
-    point : array (pole, 3)
-        Reflection points [m]; NaN if an antenna is inside the pole or the pole is between the antennas.
-    normal : array (pole, 3)
-        Outward unit normals at these points.
+    def contain(self, azimuth: np.ndarray, height: np.ndarray) -> np.ndarray:
+        """Whether (cylinder, n) points at azimuths [degree] and heights [m] are on the cylinders; not of NaN."""
+        columns = (column[:, None] for column in (self.first, self.sweep, self.base, self.top))
+        first, sweep, base, top = columns
+        with np.errstate(invalid="ignore"):
+            return ((azimuth - first) % 360 <= sweep) & (height >= base) & (height <= top)
+
+    def leave_free(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Whether (...) no cylinder blocks the lines between points (..., 3); not those that they touch or end on."""
+        shape = first.shape[:-1]
+        start, end = first.reshape(-1, 3), second.reshape(-1, 3)
+        free: np.ndarray = np.ones(len(start), dtype=bool)
+        if len(self.label):
+            along = end - start
+            out = start[None, :, :2] - self.centre[:, None]  # (cylinder, line, 2)
+            a = np.maximum((along[:, :2] ** 2).sum(-1), FACE_THICKNESS**2)
+            b = (out * along[:, :2]).sum(-1)
+            root = np.sqrt(np.maximum(b**2 - a * ((out**2).sum(-1) - self.radius[:, None] ** 2), 0.0))
+            inside = FACE_THICKNESS / np.sqrt(a)
+            for share in ((-b - root) / a, (-b + root) / a):
+                met = out + share[..., None] * along[:, :2]
+                height = start[:, 2] + share * along[:, 2]
+                hit = (root > inside * a) & (share > inside) & (share < 1 - inside)
+                free &= ~(hit & self.contain(azimuth_of(met), height)).any(axis=0)
+        return free.reshape(shape)
+
+
+class CylinderReflections(NamedTuple):
+    """Single reflections off cylinders."""
+
+    cylinder: np.ndarray  # (path,) row of the cylinders
+    point: np.ndarray  # (path, 3) m
+    normal: np.ndarray  # (path, 3) unit normals on the side of the antennas
+    spreading: np.ndarray  # (path,) m; replaces the path length in the spreading loss
+
+
+def cylinders_of(environment: Environment, kinds: tuple[str, ...] = ("pole", "arc")) -> Cylinders:
+    """Cylinders of some kinds of reflectors."""
+    table = environment.reflectors
+    label = np.flatnonzero(np.isin(table.kind.values, kinds))
+    centre = table.centre.values[label]
+    ends = azimuth_of(table.end_points.values[label] - centre[:, None])
+    whole = table.kind.values[label] == "pole"
+    sweep = np.where(whole, 0.0, ends[:, 1] - ends[:, 0]) % 360
+    return Cylinders(
+        label,
+        centre,
+        np.abs(table.radius.values[label]),
+        ends[:, 0],
+        np.where(sweep == 0, 360.0, sweep),
+        table.base.values[label],
+        table.top.values[label],
+    )
+
+
+def reflections(cylinders: Cylinders, tx: np.ndarray, rx: np.ndarray) -> CylinderReflections:
+    """Single reflections of the path between two antennas (3,) off cylinders, without regard to what is in the way.
+
+    Both sides of a face reflect. The height of the point is proportional to the horizontal length from the transmitter,
+    as on any vertical face. The spreading length is ``L`` over the root of `erm.geometry.cylinders.spreading_factor`.
     """
-    to_tx, to_rx = tx[:2] - centre, rx[:2] - centre
-    start = np.arctan2(to_tx[:, 1], to_tx[:, 0])
-    arc = (np.arctan2(to_rx[:, 1], to_rx[:, 0]) - start + np.pi) % (2 * np.pi) - np.pi
-    low, high = np.zeros(len(centre)), np.ones(len(centre))
-    for _ in range(60):  # 60 halvings reach the resolution of floats
-        middle = (low + high) / 2
-        outward = _outward(start + middle * arc)
-        bounce = outward * radius[:, None]
-        before = _angle(to_tx - bounce, outward) < _angle(to_rx - bounce, outward)
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    outward = _outward(start + low * arc)
-    bounce = outward * radius[:, None]
-    first, second = to_tx - bounce, to_rx - bounce
-    lit = ((first * outward).sum(-1) > 0) & ((second * outward).sum(-1) > 0)
-    to_point, total = np.hypot(*first.T), np.hypot(*first.T) + np.hypot(*second.T)
-    height = tx[2] + (rx[2] - tx[2]) * to_point / total
-    point = np.concatenate([centre + bounce, height[:, None]], axis=1)
-    normal = np.concatenate([outward, np.zeros((len(centre), 1))], axis=1)
-    return np.where(lit[:, None], point, np.nan), normal
-
-
-def pole_spreading(
-    tx: np.ndarray, rx: np.ndarray, point: np.ndarray, normal: np.ndarray, radius: np.ndarray
-) -> np.ndarray:
-    """Length that replaces the path length in ``lambda / (4 pi L)`` after reflection by a vertical cylinder.
-
-    Geometric optics: the reflected wavefront keeps its radius ``s1`` along the axis and has ``1/rho = 1/s1 +
-    2 cos(el)^2 / (a cos(theta))`` around it, with radius ``a``, elevation ``el`` of the ray and incidence
-    ``theta``; ``sqrt(rho s1 / ((rho + s2) (s1 + s2))) / s1`` is then one over::
-
-        sqrt(L (L + 2 s1 s2 cos(el)^2 / (a cos(theta)))),   L = s1 + s2
-
-    This is symmetric in the two antennas and tends to ``L`` for a flat wall, ``a`` to infinity. It holds for
-    radii of many wavelengths.
-
-    Parameters
-    ----------
-    tx, rx : array (3,)
-        Positions of the antennas [m].
-    point, normal : array (pole, 3)
-        Results of `pole_reflections`.
-    radius : array (pole,)
-        Radii of the poles [m].
-
-    Returns
-    -------
-    array (pole,)
-        Lengths [m].
-
-    References
-    ----------
-    R. G. Kouyoumjian, P. H. Pathak, Proc. IEEE 62 (1974) 1448-1461, caustic distances of a reflected ray;
-    C. A. Balanis, Advanced Engineering Electromagnetics, section 13.2.
-    """
-    first, second = point - tx, rx - point
-    s1, s2 = np.linalg.norm(first, axis=-1), np.linalg.norm(second, axis=-1)
-    level = (first[:, :2] ** 2).sum(-1) / s1**2
-    cosine = -(first * normal).sum(-1) / s1
-    return np.sqrt((s1 + s2) * (s1 + s2 + 2 * s1 * s2 * level / (radius * cosine)))
-
-
-def _outward(azimuth: np.ndarray) -> np.ndarray:
-    return np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
-
-
-def _angle(ray: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    along = (ray * normal).sum(-1)
-    across = np.abs(ray[:, 0] * normal[:, 1] - ray[:, 1] * normal[:, 0])
-    return np.arctan2(across, along)
+    azimuth = reflection_azimuths(tx, rx, cylinders.centre, cylinders.radius)
+    point = cylinders.centre[:, None] + cylinders.radius[:, None, None] * unit(azimuth)
+    to_tx, to_rx = tx[:2] - point, rx[:2] - point
+    level1, level2 = np.linalg.norm(to_tx, axis=-1), np.linalg.norm(to_rx, axis=-1)
+    height = tx[2] + (rx[2] - tx[2]) * level1 / (level1 + level2)
+    cylinder, number = np.nonzero(cylinders.contain(azimuth, height))
+    kept = (cylinder, number)
+    outward = unit(azimuth[kept])
+    side = np.sign((to_tx[kept] * outward).sum(-1))  # the same of both antennas where they see a reflection
+    level = level1[kept] + level2[kept]
+    length = np.hypot(level, tx[2] - rx[2])
+    cos_elevation = level / length
+    cosine = np.abs((to_tx[kept] * outward).sum(-1)) / level1[kept] * cos_elevation
+    factor = spreading_factor(
+        level1[kept] / cos_elevation,
+        level2[kept] / cos_elevation,
+        side * cylinders.radius[cylinder],
+        cosine,
+        cos_elevation,
+    )
+    return CylinderReflections(
+        cylinder,
+        np.column_stack([point[kept], height[kept]]),
+        np.column_stack([side[:, None] * outward, np.zeros(len(side))]),
+        length / np.sqrt(factor),
+    )

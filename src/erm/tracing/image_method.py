@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erm.tracing.faces import FACE_THICKNESS, Faces, is_unobstructed
+from erm.tracing.faces import FACE_THICKNESS, Faces
+from erm.tracing.obstacles import Obstacles
 
 BATCH = 500_000
 """Pairs (sequence, face) that are examined at once; limits memory to about ten arrays of this size."""
@@ -100,7 +101,7 @@ def _in_wedge(faces: Faces, apex: np.ndarray, window: np.ndarray, wall: np.ndarr
 
 
 def specular_paths(
-    faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences, obstacles: Faces
+    faces: Faces, tx: np.ndarray, rx: np.ndarray, candidates: Sequences, obstacles: Obstacles
 ) -> tuple[np.ndarray, np.ndarray]:
     """Reflection points of the sequences that reflect a path from transmitter to receiver.
 
@@ -115,8 +116,8 @@ def specular_paths(
         Positions of the antennas [m].
     candidates : Sequences
         Sequences of one length.
-    obstacles : Faces
-        Faces that block legs.
+    obstacles : Obstacles
+        What blocks legs.
 
     Returns
     -------
@@ -139,7 +140,7 @@ def specular_paths(
         candidates, target, vertices = candidates.take(inside), target[inside], vertices[inside]
         vertices[:, bounce] = target
     route = polyline(tx, vertices, rx)
-    free = is_unobstructed(obstacles, route[:, :-1], route[:, 1:]).all(axis=-1)
+    free = obstacles.leave_free(route[:, :-1], route[:, 1:]).all(axis=-1)
     return vertices[free], candidates.face[free]
 
 

@@ -8,9 +8,10 @@ from numpy.typing import ArrayLike
 from erm.common.constants import c
 from erm.common.errors import DataError
 from erm.maps.environment import CEILING, GROUND, NO_BOUNCE, Environment
-from erm.tracing.cylinders import pole_reflections, pole_spreading
-from erm.tracing.faces import Faces, faces_of, is_unobstructed
+from erm.tracing.cylinders import cylinders_of, reflections
+from erm.tracing.faces import faces_of
 from erm.tracing.image_method import polyline, sequences, specular_paths
+from erm.tracing.obstacles import Obstacles, obstacles_of
 from erm.tracing.propagation import Polarization, path_coefficients
 
 if TYPE_CHECKING:
@@ -30,8 +31,9 @@ def trace(
     """Find the direct path and all specular paths between two isotropic antennas.
 
     The image method is applied to walls, ground and ceiling. Both sides of a wall reflect; nothing passes through it.
-    Each visible pole adds one path with a single reflection; poles block nothing. `path_coefficients` and, for poles,
-    `pole_spreading` (`erm.tracing`) give the amplitudes.
+    Poles and arcs add paths with a single reflection, exact by Fermat's principle (`erm.geometry.cylinders`); arcs
+    block, poles do not. `path_coefficients` and, for curved faces, `erm.geometry.cylinders.spreading_factor` give the
+    amplitudes.
 
     Parameters
     ----------
@@ -45,8 +47,8 @@ def trace(
     polarization : {"vertical", "horizontal"}
         Polarisation of both antennas.
     obstacles : Environment, optional
-        Walls that block paths; default: those of the environment. Give both if walls may extend further than is known:
-        the possible walls then reflect, and only the known ones block.
+        Walls and arcs that block paths; default: those of the environment. Give both if walls may extend further than
+        is known: the possible walls then reflect, and only the known ones block.
 
     Returns
     -------
@@ -84,10 +86,10 @@ def trace(
         raise DataError(f"max_order {max_order}; expected 0 or more")
 
     faces = faces_of(environment)
-    blocking = faces if obstacles is None else faces_of(obstacles)
+    blocking = obstacles_of(environment if obstacles is None else obstacles)
     found = [_direct(blocking, here, there)]
     if max_order:
-        found.append(_poles(environment, blocking, here, there))
+        found.append(_cylinders(environment, blocking, here, there))
     for candidates in sequences(faces, here, max_order):
         vertices, face = specular_paths(faces, here, there, candidates, blocking)
         found.append((vertices, faces.label[face], faces.normal[face], None))
@@ -98,22 +100,20 @@ def trace(
 Group = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]  # vertices, reflector, normal, spreading
 
 
-def _direct(blocking: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
-    visible = int(is_unobstructed(blocking, tx[None], rx[None])[0])
+def _direct(blocking: Obstacles, tx: np.ndarray, rx: np.ndarray) -> Group:
+    visible = int(blocking.leave_free(tx[None], rx[None])[0])
     return np.empty((visible, 0, 3)), np.empty((visible, 0), dtype=int), np.empty((visible, 0, 3)), None
 
 
-def _poles(environment: Environment, blocking: Faces, tx: np.ndarray, rx: np.ndarray) -> Group:
-    table = environment.reflectors
-    label = np.flatnonzero(table.kind.values == "pole")
-    centre, radius = table.end_points.values[label, 0], table.radius.values[label]
-    base, top = table.base.values[label], table.top.values[label]
-    point, normal = pole_reflections(tx, rx, centre, radius)
-    hit = np.flatnonzero((point[:, 2] >= base) & (point[:, 2] <= top))  # false for NaN, no reflection
-    route = polyline(tx, point[hit, None], rx)
-    hit = hit[is_unobstructed(blocking, route[:, :-1], route[:, 1:]).all(axis=-1)]
-    spreading = pole_spreading(tx, rx, point[hit], normal[hit], radius[hit])
-    return point[hit, None], label[hit, None], normal[hit, None], spreading
+def _cylinders(environment: Environment, blocking: Obstacles, tx: np.ndarray, rx: np.ndarray) -> Group:
+    cylinders = cylinders_of(environment)
+    found = reflections(cylinders, tx, rx)
+    is_pole = cylinders.sweep[found.cylinder] == 360  # seen from outside, on the near side only
+    outside = (found.normal[:, :2] * (found.point[:, :2] - cylinders.centre[found.cylinder])).sum(-1) > 0
+    route = polyline(tx, found.point[:, None], rx)
+    free = blocking.leave_free(route[:, :-1], route[:, 1:]).all(axis=-1) & (outside | ~is_pole)
+    label = cylinders.label[found.cylinder]
+    return found.point[free, None], label[free, None], found.normal[free, None], found.spreading[free]
 
 
 def _paths(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from erm.common.console import counted
 from erm.maps.environment import Environment
+from erm.maps.reflectors import counted_reflectors
 from erm.reconstruction.summary import explain_unused
 
 if TYPE_CHECKING:
@@ -73,8 +74,7 @@ class CampaignResult:
     @property
     def reflectors(self) -> str:
         """Number of walls and poles of the map, and of the MPCs that support them, in words."""
-        kind = self.environment.reflectors["kind"].values
-        found = " and ".join(counted(int((kind == name).sum()), name) for name in ("wall", "pole"))
+        found = counted_reflectors(self.environment.reflectors["kind"].values.tolist())
         used, measured = int(self.located["accepted"].sum()), counted(self.table.sizes["mpc"], "MPC")
         return f"{found} from {used} of {measured}"
 

@@ -228,7 +228,7 @@ def test_a_pole_that_is_known_better_in_one_direction_is_so_in_the_turned_one():
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        ({"kind": "fence"}, "neither a wall nor a pole"),
+        ({"kind": "fence"}, "no wall, pole or arc"),
         ({"kind": "pole"}, "positive radius"),
         ({"base": 3.0, "top": 2.0}, "top that is not above"),
         ({"material": "cheese"}, "unknown material 'cheese'"),

@@ -96,8 +96,9 @@ def test_geojson_in_wgs_84_gives_local_metres_back(tmp_path, seed):
     write_map(place, tmp_path / "map.geojson")
     back = read_map(tmp_path / "map.geojson")
     # coordinates are rounded to 1e-11 degree, half of which is 0.6 micrometre
-    np.testing.assert_allclose(back.reflectors.end_points, place.reflectors.end_points, rtol=0, atol=2 * MICROMETRE)
-    for name in set(place.reflectors) - {"end_points"}:
+    for name in ("end_points", "centre"):
+        np.testing.assert_allclose(back.reflectors[name], place.reflectors[name], rtol=0, atol=2 * MICROMETRE)
+    for name in set(place.reflectors) - {"end_points", "centre"}:
         np.testing.assert_array_equal(back.reflectors[name], place.reflectors[name])
     assert back.georeference == place.georeference
 

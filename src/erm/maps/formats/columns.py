@@ -28,10 +28,12 @@ COVARIANCES = {
     "north_variance": ("centre_covariance", 1, 1),
 }
 """Variable, row and column of each column of a covariance."""
-NUMBERS = ("radius", "base", "top", "normal", "offset", "residual")
+CENTRE = ("centre_east", "centre_north")
+NUMBERS = ("radius", "radius_std", "base", "top", "normal", "offset", "residual", "relief", "tilt")
 DEFAULTS: Mapping[str, object] = {
     "kind": "wall", "radius": 0.0, "base": 0.0, "top": np.inf, "normal": np.nan, "offset": np.nan,
     **dict.fromkeys(COVARIANCES, np.nan), "support": 0, "residual": np.nan, "material": DEFAULT_MATERIAL,
+    **dict.fromkeys((*CENTRE, "radius_std", "relief", "tilt"), np.nan),
 }  # fmt: skip
 """Values of columns that a hand-made file leaves out."""
 MISSING: Mapping[str, float] = {"radius": 0.0, "base": -np.inf, "top": np.inf, "support": 0.0}
@@ -47,6 +49,8 @@ def to_columns(reflectors: "xr.Dataset") -> Columns:
         if name in COVARIANCES:
             variable, row, column = COVARIANCES[name]
             columns[name] = reflectors[variable].values[:, row, column]
+        elif name in CENTRE:
+            columns[name] = reflectors.centre.values[:, CENTRE.index(name)]
         else:
             columns[name] = reflectors[name].values
     return columns
@@ -76,6 +80,7 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
     words = {name: np.asarray(columns.get(name, [DEFAULTS[name]] * count), dtype=str) for name in ("kind", "material")}
     table = make_reflectors(
         ends,
+        centre=np.stack([number(columns, name, count) for name in CENTRE], axis=-1),
         **matrices,
         support=number(columns, "support", count).astype(np.int64),
         **numbers,

@@ -5,8 +5,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+
 from erm.common.optional import require_library
 from erm.common.storage import atomic_path
+from erm.geometry.vertical import azimuth_of
 from erm.maps.environment import Environment
 from erm.maps.formats.surfaces import extrude, finite_edges
 
@@ -14,8 +17,8 @@ from erm.maps.formats.surfaces import extrude, finite_edges
 def write(environment: Environment, path: Path, *, height: float, margin: float) -> None:
     """Write a drawing in metres; ``height`` and ``margin`` are options of `erm.maps.formats.surfaces.extrude`.
 
-    Layers: ``walls`` has a line at the base of each wall; ``poles`` has circles that are extruded to the height of the
-    pole; ``wall_faces``, ``ground`` and ``ceiling`` have 3-D faces.
+    Layers: ``walls`` has a line at the base of each wall and an arc at that of a curved face; ``poles`` has circles
+    that are extruded to the height of the pole; ``wall_faces``, ``ground`` and ``ceiling`` have 3-D faces.
     """
     ezdxf = library(path)
     with _fixed_metadata(ezdxf):
@@ -27,15 +30,20 @@ def write(environment: Environment, path: Path, *, height: float, margin: float)
         base, top = finite_edges(environment, height)
         for index, ends in enumerate(table.end_points.values.tolist()):
             first, second = ([*end, base[index]] for end in ends)
-            if table.kind.values[index] == "pole":
+            if table.kind.values[index] == "arc":
+                centre, size = [*table.centre.values[index], base[index]], abs(table.radius.values[index])
+                turns = azimuth_of(np.array(ends) - centre[:2]).tolist()
+                space.add_arc(centre, size, *turns, dxfattribs={"layer": "walls"})
+            elif table.kind.values[index] == "pole":
                 attributes = {"layer": "poles", "thickness": top[index] - base[index]}
                 space.add_circle(first, table.radius.values[index], dxfattribs=attributes)
             else:
                 space.add_line(first, second, dxfattribs={"layer": "walls"})
         for surface in extrude(environment, height=height, margin=margin):
             if surface.kind != "pole":
-                layer = "wall_faces" if surface.kind == "wall" else surface.kind
-                space.add_3dface(surface.vertices.tolist(), dxfattribs={"layer": layer})
+                layer = "wall_faces" if surface.kind in ("wall", "arc") else surface.kind
+                for corners in surface.vertices.reshape(-1, 4, 3).tolist():
+                    space.add_3dface(corners, dxfattribs={"layer": layer})
         with atomic_path(path) as temporary:
             drawing.saveas(temporary)
 

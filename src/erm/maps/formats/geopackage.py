@@ -15,8 +15,8 @@ from erm.common.gate.nesting import parse_json
 from erm.common.optional import require_library
 from erm.common.storage import atomic_path
 from erm.maps.features import Shape, points_of
-from erm.maps.formats.columns import DEFAULTS, ENDS, Columns
-from erm.maps.formats.geojson import rows_of_shape, table_of_rows
+from erm.maps.formats.columns import DEFAULTS, Columns
+from erm.maps.formats.geojson import rows_of_shape, shapes_of, table_of_rows
 from erm.maps.georeference import Georeference
 
 LAYER = "reflectors"
@@ -29,10 +29,8 @@ def write(columns: Columns, scene: dict[str, Any], path: Path) -> None:
     pyogrio = library(path)
     import shapely
 
-    ends = np.stack([columns[name] for name in ENDS], axis=-1).reshape(-1, 2, 2)
     shapes = [
-        shapely.Point(end[0]) if kind == "pole" else shapely.LineString(end)
-        for kind, end in zip(columns["kind"], ends, strict=True)
+        shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0]) for points in shapes_of(columns)
     ]
     fields = [columns[name].astype(object) if columns[name].dtype.kind == "U" else columns[name] for name in DEFAULTS]
     with atomic_path(path) as temporary, _written(path, len(shapes), temporary):

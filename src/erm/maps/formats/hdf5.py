@@ -10,14 +10,14 @@ import numpy as np
 from erm.common.errors import DataError
 from erm.common.gate.nesting import parse_json
 from erm.common.storage import open_group, write_product
-from erm.maps.formats.columns import COVARIANCES, DEFAULTS, ENDS, Columns
+from erm.maps.formats.columns import CENTRE, COVARIANCES, DEFAULTS, ENDS, Columns
 
 if TYPE_CHECKING:
     import xarray as xr
 
 UNITS = (
-    dict.fromkeys((*ENDS, "radius", "base", "top", "offset"), "m")
-    | dict.fromkeys(("normal",), "degree")
+    dict.fromkeys((*ENDS, *CENTRE, "radius", "radius_std", "base", "top", "offset", "relief"), "m")
+    | dict.fromkeys(("normal", "tilt"), "degree")
     | dict(zip(COVARIANCES, ("degree2", "degree m", "m2", "m2", "m2", "m2"), strict=True))
 )
 SCENE = ("ground", "ceiling", "materials", "georeference")

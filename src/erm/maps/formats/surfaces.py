@@ -1,10 +1,11 @@
-"""Reflectors as triangle meshes: walls are rectangles, poles prisms, ground and ceiling plates."""
+"""Reflectors as triangle meshes: walls are rectangles, arcs strips of them, poles prisms, ground and ceiling plates."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from erm.geometry.vertical import FloatArray, unit
+from erm.geometry.vertical import FloatArray, azimuth_of, unit
+from erm.maps.arcs import arc_points
 from erm.maps.environment import CEILING, GROUND, Environment, Slab
 
 POLE_SIDES = 16
@@ -20,7 +21,7 @@ class Surface:
     index : int
         Row of the reflector; -1 for the ground, -2 for the ceiling.
     kind : str
-        ``wall``, ``pole``, ``ground`` or ``ceiling``.
+        ``wall``, ``pole``, ``arc``, ``ground`` or ``ceiling``.
     material : str
         Name of its material.
     vertices : array (vertex, 3)
@@ -60,6 +61,8 @@ def extrude(environment: Environment, *, height: float, margin: float) -> list[S
     for index, (kind, material) in enumerate(zip(table.kind.values, table.material.values, strict=True)):
         if kind == "pole":
             vertices, faces = _prism(ends[index, 0], radius[index], base[index], top[index])
+        elif kind == "arc":
+            vertices, faces = _strip(ends[index], table.centre.values[index], radius[index], base[index], top[index])
         else:
             vertices, faces = _rectangle(ends[index], normal[index], base[index], top[index])
         surfaces.append(Surface(index, str(kind), str(material), vertices, faces))
@@ -99,6 +102,19 @@ def _rectangle(ends: FloatArray, normal: float, base: float, top: float) -> tupl
     return np.column_stack([ends[[0, 1, 1, 0]], heights]), _fan(4)
 
 
+def _strip(
+    ends: FloatArray, centre: FloatArray, radius: float, base: float, top: float
+) -> tuple[FloatArray, np.ndarray]:
+    """Rectangles along an arc, each with its own corners, that face the antennas: outward where it is convex."""
+    points = arc_points(ends, centre, radius)
+    parts = [
+        _rectangle(chord, float(azimuth_of((chord.mean(axis=0) - centre) * np.sign(radius))), base, top)
+        for chord in np.stack([points[:-1], points[1:]], axis=1)
+    ]
+    corners = [4 * number + faces for number, (_, faces) in enumerate(parts)]
+    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(corners)
+
+
 def _prism(centre: FloatArray, radius: float, base: float, top: float) -> tuple[FloatArray, np.ndarray]:
     """Closed prism: lower ring of corners, then upper ring."""
     ring = centre + radius * unit(np.arange(POLE_SIDES) * 360 / POLE_SIDES)
@@ -114,7 +130,7 @@ def _prism(centre: FloatArray, radius: float, base: float, top: float) -> tuple[
 def _plate(environment: Environment, slab: Slab, margin: float) -> FloatArray:
     """Corners of a horizontal rectangle below or above all reflectors, counter-clockwise as seen from above."""
     table = environment.reflectors
-    points, reach = table.end_points.values, table.radius.values[:, None, None]
+    points, reach = table.end_points.values, np.abs(table.radius.values)[:, None, None]
     extremes = np.concatenate([points - reach, points + reach]).reshape(-1, 2) if len(points) else np.zeros((1, 2))
     (west, south), (east, north) = extremes.min(axis=0) - margin, extremes.max(axis=0) + margin
     level = slab.height
