@@ -88,6 +88,21 @@ def read_toml(path: Path | str) -> dict[str, Any]:
         raise DataError(f"{path}: not TOML ({error})") from None
 
 
+def file_inside(description: Path, name: str, key: str) -> Path:
+    """File that a key of a TOML file names. The TOML file may come from others, so it names no files elsewhere.
+
+    Raises
+    ------
+    DataError
+        The file is not in the folder of the TOML file or below.
+    """
+    folder = description.parent
+    file = folder / name
+    if Path(name).is_absolute() or not file.resolve().is_relative_to(folder.resolve()):
+        raise DataError(f"{description}: {key}: {name} is not in the folder of this file; copy it there")
+    return file
+
+
 def describe(error: ValidationError, model: type[BaseModel]) -> str:
     """Describe an error of pydantic in one line: each key by its dotted name, what was found and what was expected.
 

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 from math import cos, isfinite, radians, sin
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +11,12 @@ from numpy.typing import ArrayLike
 
 from erm.common.errors import DataError
 from erm.common.optional import require_library
+from erm.common.topocentric import MAX_DISTANCE, topocentric
 from erm.geometry.vertical import FloatArray
 
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-MAX_DISTANCE = 100e3
-"""A point farther than this from the origin is an error [m]; chosen."""
 WGS84 = "OGC:CRS84"
 """Longitude and latitude in WGS 84."""
 LOCAL = re.compile(r"(LOCAL_CS|ENGCRS|ENGINEERINGCRS)\b")
@@ -217,12 +215,6 @@ def place_in_frame(points: FloatArray, crs: str | None, frame: Georeference | No
     return frame.to_local(np.stack([longitude, latitude], axis=-1))[..., :2]
 
 
-@lru_cache(maxsize=16)
 def _topocentric(frame: Georeference) -> "Transformer":
     """Transformation from longitude, latitude, height to true east, north, up at the origin."""
-    pyproj = require_library("pyproj", "gis", "WGS 84", "use local metres")
-    return pyproj.Transformer.from_pipeline(
-        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84 "
-        f"+step +proj=topocentric +ellps=WGS84 +lat_0={frame.latitude!r} +lon_0={frame.longitude!r} "
-        f"+h_0={frame.height!r}"
-    )
+    return topocentric(frame.latitude, frame.longitude, frame.height).transformer

@@ -14,7 +14,7 @@ from erm.maps.georeference import Georeference
 from erm.mpcs.options import Threshold as SelectionThreshold
 from sounder.campaign.result import PRODUCTS
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options, Threshold
-from sounder.processing.jobs import Job, gather
+from sounder.processing.jobs import Explained, Job, gather
 from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, describe, read_toml
 
 MapFormat = Literal["h5", "geojson", "gpkg", "csv", "dxf", "ply", "obj", "xml"]
@@ -43,14 +43,21 @@ def _threshold(value: Any) -> str:
 class Recordings(Table):
     """Files with one back-to-back, for example those of a day.
 
-    In ``files``, ``*`` stands for any part of a name and ``**`` for any folders. ``calibration``, ``layout`` and
-    ``sounder`` are the options of ``sounder process``.
+    In ``files``, ``*`` stands for any part of a name and ``**`` for any folders. ``calibration``, ``layout``,
+    ``sounder``, ``positions`` and ``skip`` are the options of ``sounder process``.
     """
 
     files: Annotated[tuple[str, ...], AfterValidator(_not_empty)]
     calibration: RelativePath | None = None
     layout: RelativePath | None = None
     sounder: RelativePath | None = None
+    positions: RelativePath | None = None
+    skip: tuple[str, ...] = ()
+
+    @property
+    def explained(self) -> Explained:
+        """Files that explain the recordings."""
+        return Explained(self.calibration, self.layout, self.sounder, self.positions)
 
     @model_validator(mode="after")
     def _calibrated(self) -> Self:
@@ -171,7 +178,7 @@ class Campaign(Table):
     def inputs(self) -> list[Path]:
         """The campaign file and all files that it names, without the recordings."""
         groups = self.recordings
-        each = [path for group in groups for path in (group.calibration, group.layout, group.sounder)]
+        each = dict.fromkeys(path for group in groups for path in sorted(group.explained.files))
         return [path for path in (self.source, *each, self.map.outline) if path is not None]
 
     def jobs(self, out: Path) -> tuple[list[Job], list[str]]:
@@ -201,8 +208,7 @@ class Campaign(Table):
                     failures.append(f"{self.source}: recordings.files: {pattern} matches no file")
                 files += found
             try:
-                how = {"calibration": group.calibration, "layout": group.layout, "sounder": group.sounder}
-                opened, refused = gather(list(dict.fromkeys(files)), **how)
+                opened, refused = gather(list(dict.fromkeys(files)), **vars(group.explained), skip=group.skip)
             except DataError as error:  # of this table of recordings alone
                 failures.append(str(error))
                 continue

@@ -182,9 +182,10 @@ def _set_up(result: "CampaignResult", positions: list[_Position], page: Page) ->
         ("back-to-back", [group.calibration.name for group in groups if group.calibration]),
         ("layout", [group.layout.name for group in groups if group.layout]),
         ("description", [group.sounder.name for group in groups if group.sounder]),
+        ("table of positions", [group.positions.name for group in groups if group.positions]),
     ):
         if files:
-            rows.append((label, ", ".join(f"`{name}`" for name in files)))
+            rows.append((label, ", ".join(f"`{name}`" for name in dict.fromkeys(files))))
     rows.append(("processing", _options(json.loads(positions[0].attributes["processing_options"]))))
     asked = campaign.map.model_dump(
         include={"threshold", "max_loss", "min_support", "ground", "rx_std", "heading_std", "clock_std"}
@@ -193,7 +194,7 @@ def _set_up(result: "CampaignResult", positions: list[_Position], page: Page) ->
     if (place := campaign.map.georeference) is not None:
         where = f"{place.latitude:.10g}, {place.longitude:.10g}, {place.height:g} m"
         rows.append(("origin", f"{where}; heading {place.heading:g} degrees"))
-    page.table(["what", "value"], rows)
+    page.table(["what", "value"], list(dict.fromkeys(rows)))
 
 
 def _position_section(position: _Position, result: "CampaignResult", page: Page) -> None:

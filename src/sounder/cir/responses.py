@@ -121,9 +121,14 @@ def reference_spectrum(kind: Kind, sounder: Sounder) -> Complex:
 def noise_spectrum(kind: Kind, sounder: Sounder, response: Complex) -> Complex:
     """Amplitude (sample,) of the noise in correlated captures of a kind, where that of captures is white.
 
-    Correlation gives noise the spectrum of the template. Frequencies of a sweep have the same noise. A sweep's impulse
-    response has that of its pulse, ``response``, by which its frequencies were weighted.
+    Correlation gives noise the spectrum of the template, which for held chips is ``sinc(f / chip_rate)`` on average.
+    Frequencies of a sweep have the same noise. A sweep's impulse response has that of its pulse, ``response``, by which
+    its frequencies were weighted.
     """
-    if isinstance(sounder.waveform, Sweep):
-        return response if kind == "cir" else np.ones(sounder.waveform.samples, complex)
+    waveform = sounder.waveform
+    if isinstance(waveform, Sweep):
+        if kind == "cir" and waveform.chip_rate is not None:
+            frequency = np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate)
+            return np.sinc(frequency / waveform.chip_rate).astype(complex)
+        return response if kind == "cir" else np.ones(waveform.samples, complex)
     return np.conj(np.fft.fft(held_template(sounder.sequence)))

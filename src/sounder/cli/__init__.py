@@ -117,10 +117,14 @@ def process(
     ],
     out: Annotated[Path, typer.Option(help="Folder for the products, one file for each position.")],
     calibration: Annotated[
-        Path | None, typer.Option(help="Back-to-back recording (.h5). Not needed if a foreign file holds one.")
+        Path | None, typer.Option(help="Back-to-back recording. Not needed if a foreign file holds one.")
     ] = None,
     layout: Layout = None,
     sounder: Description = None,
+    positions: Annotated[
+        Path | None, typer.Option(help="Table of positions (.csv), as the layout describes it.")
+    ] = None,
+    skip: Annotated[list[str] | None, typer.Option(help="Name of a position to leave out; may be repeated.")] = None,
     averaging: Annotated[
         Averaging, typer.Option(help="Averaging over the snapshots of a direction.")
     ] = Options.averaging,
@@ -157,7 +161,9 @@ def process(
     from sounder.processing.pipeline import process
 
     options = Options(averaging, threshold, method, omnidirectional, keep_cir, trust_all)
-    jobs, failures = gather(recordings, calibration=calibration, layout=layout, sounder=sounder)
+    jobs, failures = gather(
+        recordings, calibration=calibration, layout=layout, sounder=sounder, positions=positions, skip=skip or ()
+    )
     with console.progress("processing positions", len(jobs)) as advance:
         outcome = process(
             jobs, out, options=options, threads=threads, workers=workers, scheduler=scheduler, progress=advance

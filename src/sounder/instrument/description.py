@@ -11,7 +11,7 @@ from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_files import read_cut
 from sounder.instrument.stated import Connection, Receiver, Survey, Transmitter
 from sounder.instrument.waveform_description import AnyWaveform, Sweep, Waveform
-from sounder.toml import NotNegative, Positive, Table, read_toml
+from sounder.toml import NotNegative, Positive, Table, file_inside, read_toml
 
 MIN_SPECTRAL_LINES = 16
 """Fewest spectral lines in the band kept. A delay is the slope of the phase over them. Chosen, not derived."""
@@ -174,7 +174,7 @@ class Sounder(Table):
         The spectrum of held chips has its first null at the chip rate. The main lobe is twice as wide, or as wide as
         the sample rate if that is less. Nine tenths of it leave out the null. Of a sweep it is the whole band.
         """
-        if isinstance(self.waveform, Sweep):
+        if isinstance(self.waveform, Sweep) and self.waveform.chip_rate is None:
             return self.processing.bandwidth or (self.waveform.points - 1) * self.waveform.step
         return self.processing.bandwidth or 0.9 * self.waveform.main_lobe
 
@@ -229,14 +229,5 @@ def load_sounder(path: Path | str) -> Sounder:
     tables = read_toml(path)
     for antenna in (tables.get("tx_antenna"), tables.get("rx_antenna")):
         if isinstance(antenna, dict) and isinstance(antenna.get("cut"), str):
-            antenna["cut"] = read_cut(_inside(Path(path), antenna["cut"]))
+            antenna["cut"] = read_cut(file_inside(Path(path), antenna["cut"], "cut"))
     return Sounder.from_tables(tables, path)
-
-
-def _inside(description: Path, name: str) -> Path:
-    """File that a description names. It may come from others, so it names no files elsewhere."""
-    folder = description.parent
-    file = folder / name
-    if Path(name).is_absolute() or not file.resolve().is_relative_to(folder.resolve()):
-        raise DataError(f"{description}: cut: {name} is not in the folder of this file; copy it there")
-    return file

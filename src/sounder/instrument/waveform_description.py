@@ -102,6 +102,8 @@ class Sweep(Table):
         Number of frequencies.
     step : float
         Their spacing [Hz].
+    chip_rate : float, optional
+        Rate of the chips that impulse responses were correlated with [Hz].
 
     Examples
     --------
@@ -112,6 +114,7 @@ class Sweep(Table):
 
     points: Annotated[int, Field(ge=16)]
     step: Positive
+    chip_rate: Positive | None = None
 
     @property
     def samples(self) -> int:
@@ -130,8 +133,8 @@ class Sweep(Table):
 
     @property
     def main_lobe(self) -> float:
-        """Width of the band [Hz]."""
-        return self.sample_rate
+        """Width of the band, or of the main lobe of the held chips if that is less [Hz]."""
+        return self.sample_rate if self.chip_rate is None else min(2 * self.chip_rate, self.sample_rate)
 
     @property
     def summary(self) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from erm.common.console import counted
 from erm.common.errors import DataError
-from sounder.processing.jobs import failure_lines, open_file
+from sounder.processing.jobs import Explained, failure_lines, open_file
 from sounder.processing.pipeline import OutputPaths
 from sounder.processing.position import Outcome
 from sounder.recordings.writer import write_back_to_back, write_recording
@@ -31,7 +31,7 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
     DataError
         The file cannot be read, or holds more than fits into one file.
     """
-    found, b2b = open_file(path, layout=layout, sounder=sounder)
+    found, b2b = open_file(path, Explained(layout=layout, sounder=sounder))
     outcome = Outcome(failures=failure_lines(path, found))
     recordings = [item for item in found if not isinstance(item, DataError)]
     single = out.suffix == ".h5"

@@ -220,8 +220,7 @@ def _root(recording: Recording, remarks: list[Remark]) -> xr.Dataset:
 
 def _inputs(job: Job) -> set[Path]:
     """Files that a position is made of."""
-    read = (job.recording.source, job.b2b.source, job.source.layout, job.source.sounder)
-    return {path for path in read if path is not None}
+    return {job.recording.source, job.b2b.source} | job.source.explained.files
 
 
 @contextmanager

@@ -77,9 +77,9 @@ def describe_foreign_file(
         The file, the layout or the description cannot be used.
     """
     from sounder.processing import recording_summary
-    from sounder.processing.jobs import failure_lines, open_file
+    from sounder.processing.jobs import Explained, failure_lines, open_file
 
-    found, b2b = open_file(path, layout=layout, sounder=sounder)
+    found, b2b = open_file(path, Explained(layout=layout, sounder=sounder))
     recordings = [item for item in found if not isinstance(item, DataError)]
     tables: list[Table] = []
     if len(recordings) > MAX_DESCRIBED_IN_FULL and not in_full:

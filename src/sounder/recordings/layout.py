@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from sounder.recordings.recording import Kind
-from sounder.toml import Alternatives, Table, read_toml
+from sounder.toml import Alternatives, NotNegative, Table, read_toml
 
 Axis = Literal["position", "azimuth", "elevation", "direction", "snapshot", "sample", "iq"]
 SAMPLES = ("delay", "frequency")
@@ -100,16 +100,64 @@ class Grid(Table):
     elevation_convention: Literal["horizon", "zenith"] = "horizon"
 
 
+Columns = tuple[str, str, str]
+Deviation = Annotated[NotNegative | str, Alternatives("a number, or the name of a column")]
+
+
+class PositionTable(Table):
+    """A text table with a row for each position. All values but ``file``, ``frame`` and ``origin`` name columns.
+
+    ``tx`` and ``rx`` are east, north, up [m], or with ``frame = "geodetic"`` latitude, longitude [degree] and height
+    above the ellipsoid [m] in WGS 84; ``origin`` is then the place of the local (0, 0, 0) in the same form. The
+    standard deviations, of each coordinate of an antenna [m] and of the zero of azimuth [degree], are numbers or
+    columns.
+    """
+
+    file: str | None = None
+    name: str
+    tx: Columns | None = None
+    rx: Columns | None = None
+    los: str | None = None
+    frame: Literal["local", "geodetic"] = "local"
+    origin: tuple[float, float, float] | None = None
+    tx_std: Deviation | None = None
+    rx_std: Deviation | None = None
+    heading_std: Deviation | None = None
+
+    @model_validator(mode="after")
+    def _placed(self) -> Self:
+        if (self.frame == "geodetic") != (self.origin is not None):
+            raise ValueError('frame = "geodetic" and origin go together')
+        return self
+
+
 class Positions(Table):
     """Positions of the antennas, east/north/up [m]: one for all, or one for each position; line of sight and name.
 
-    In ``name``, ``{}`` is the number of the position (``{:02d}`` for two digits) and ``{file}`` the name of the file.
+    In ``name``, ``{}`` is the number of the position, from ``first`` (``{:02d}`` for two digits), and ``{file}`` the
+    name of the file; of a name such as ``int16_P01`` and ``file = "int16_{}"`` that is ``P01``. What ``table`` holds
+    is looked up by the name.
     """
 
-    tx: Points
-    rx: Points
+    tx: Points | None = None
+    rx: Points | None = None
     los: Annotated[int | Reference, Alternatives(f"1, 0, -1, {REFERENCES}")] = -1
     name: str | None = None
+    first: int = 0
+    file: str = "{}"
+    table: PositionTable | None = None
+
+    @model_validator(mode="after")
+    def _placed(self) -> Self:
+        for end in ("tx", "rx"):
+            given = getattr(self, end) is not None, self.table is not None and getattr(self.table, end) is not None
+            if all(given):
+                raise ValueError(f"{end} is given twice, as values and in the table; expected one")
+            if not any(given):
+                raise ValueError(f"{end}: missing; expected values, or columns of positions.table")
+        if self.file.count("{}") != 1:
+            raise ValueError(f'file is "{self.file}"; expected the names of files, with {{}} for what differs')
+        return self
 
     @model_validator(mode="after")
     def _formats(self) -> Self:
@@ -123,9 +171,15 @@ class Positions(Table):
 
 
 class BackToBackSamples(Samples):
-    """Back-to-back captures in the file, recorded through ``attenuation`` [dB]."""
+    """Back-to-back captures through ``attenuation`` [dB], in the same file or in that of ``--calibration``.
+
+    ``kind`` is that of the captures, or ``iq`` where those are impulse responses: it is then correlated with the
+    described sequence, as a mean over the samples. ``frequency`` is that of the captures, if it is not given.
+    """
 
     attenuation: Number
+    kind: Kind | None = None
+    frequency: Numbers | None = None
     scale_factor: Number | None = None
     includes_tx_antenna: bool = False
 
@@ -150,6 +204,13 @@ class Layout(Table):
     back_to_back: BackToBackSamples | None = None
     sounder: dict[str, Any] = Field(default_factory=dict)
     time: Annotated[Reference | None, Field(description="time of each direction [s since 1970-01-01 UTC]")] = None
+
+    @model_validator(mode="after")
+    def _kinds(self) -> Self:
+        kind = None if self.back_to_back is None else self.back_to_back.kind
+        if kind not in (None, self.captures.kind) and (kind, self.captures.kind) != ("iq", "cir"):
+            raise ValueError(f"back_to_back.kind is {kind}; expected {self.captures.kind}, as that of the captures")
+        return self
 
 
 def load_layout(path: Path | str) -> Layout:

@@ -35,6 +35,11 @@ def other_kind(path: Path) -> str | None:
         return "product of sounder process" if "mpc" in file and "daps" in file else None
 
 
+def is_back_to_back(path: Path) -> bool:
+    """Whether the file is a native back-to-back recording."""
+    return is_hdf5(path) and kind_of(path) == BACK_TO_BACK
+
+
 def is_format(path: Path) -> bool:
     """Whether the file is a native recording."""
     return is_hdf5(path) and kind_of(path) == RECORDING

@@ -5,7 +5,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
+from sounder.instrument.waveform import held_template
+from sounder.instrument.waveform_description import Waveform
 from sounder.recordings.recording import BackToBack, Captures, Kind
 
 
@@ -38,6 +41,27 @@ def ideal_pulse(source: Path, sounder: Sounder, kind: Kind, window: str | None) 
     else:
         return None
     return BackToBack(source, sounder, captures[None], 1.0, 0.0, None, False, "No back-to-back: calibrated", kind)
+
+
+def correlated(captures: Captures, sequence: Waveform, source: Path) -> NDArray[np.complexfloating]:
+    """Impulse responses (snapshot, sample) of IQ captures: the mean over samples of captures times the held chips.
+
+    A path of amplitude ``a`` gives a peak of height ``a``.
+
+    Raises
+    ------
+    DataError
+        The captures have not the length of the sequence.
+    """
+    plain = captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]
+    length = plain.shape[1]
+    if sequence.samples != length:
+        raise DataError(
+            f"{source}: {length} samples per capture, but the described sequence has {sequence.samples}; "
+            "describe the one that is to be correlated with under [sounder.waveform] of the layout"
+        )
+    template = np.conj(np.fft.fft(held_template(sequence)))
+    return np.fft.ifft(np.fft.fft(plain) * template / length)
 
 
 def cut_around_peak(captures: Captures, samples: int) -> NDArray[np.complexfloating] | Captures:

@@ -150,6 +150,14 @@ class BackToBack:
     kind: Kind = "iq"
 
 
+class PositionError(DataError):
+    """What is wrong with one position of a file."""
+
+    def __init__(self, problem: str, name: str = "") -> None:
+        super().__init__(problem)
+        self.name = name
+
+
 def clipped_share(captures: Captures) -> float:
     """Share of the numbers of int16 captures at the ends of the converter's range; 0 for complex captures.
 

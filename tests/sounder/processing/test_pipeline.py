@@ -14,7 +14,7 @@ from erm.common.errors import DataError
 from erm.common.storage import open_group
 from sounder.options import Options
 from sounder.processing import position
-from sounder.processing.jobs import Job, Source, gather
+from sounder.processing.jobs import Explained, Job, Source, gather
 from sounder.processing.pipeline import process
 from sounder.recordings.writer import write_back_to_back, write_recording
 from sounder.twin import receiver
@@ -217,7 +217,7 @@ def test_gather_names_what_it_cannot_use_and_keeps_the_rest(jobs, tmp_path):
     absent = tmp_path / "absent.h5"
     found, failures = gather([absent, tmp_path / "0.h5"], calibration=tmp_path / "b2b.h5")
     assert [job.recording.name for job in found] == ["A"]
-    assert found[0].source == Source(tmp_path / "0.h5", 0, tmp_path / "b2b.h5", None, None)
+    assert found[0].source == Source(tmp_path / "0.h5", 0, Explained(tmp_path / "b2b.h5"))
     assert failures == [f"{absent}: no such file"]
     with pytest.raises(DataError, match="no such file"):  # without a calibration nothing can be done
         gather([tmp_path / "0.h5"], calibration=Path("absent.h5"))

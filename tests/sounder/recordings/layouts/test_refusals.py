@@ -107,7 +107,7 @@ def test_samples_that_do_not_fit_the_description_are_reported(opened):
             change("tx = [0, 0, 28.4]", "tx = [0, 0]"),
             "positions.tx: found [0, 0]; expected three numbers, a list of these",
         ),
-        (change("tx = [0, 0, 28.4]\n", ""), "positions.tx: missing"),
+        (change("tx = [0, 0, 28.4]\n", ""), "positions: tx: missing"),
         (change("[positions]", '[positions]\nname = "RX{place}"'), "positions: name is"),
         (
             PLAIN + '[back_to_back]\ndataset = "b"\naxes = ["azimuth", "sample"]\nattenuation = 60\n',

@@ -1,0 +1,96 @@
+"""Description of the sounder of a foreign file, after the keys of its layout."""
+
+from typing import Any
+
+import numpy as np
+
+from erm.common.errors import DataError
+from sounder.instrument.description import Sounder
+from sounder.instrument.waveform_description import Waveform
+from sounder.recordings.axes import lengths
+from sounder.recordings.foreign_file import ForeignFile
+from sounder.recordings.layout import Layout, Numbers, Reference
+from sounder.recordings.sweep import sweep_tables
+
+
+def described(file: ForeignFile, layout: Layout, sounder: Sounder) -> tuple[Sounder, Waveform | None]:
+    """Describe the sounder of a file, after the keys of the layout replaced those of ``sounder``.
+
+    Returns
+    -------
+    sounder : Sounder
+        Of the captures. If they are responses, frequencies or a sample rate in the layout replace the waveform.
+    sequence : Waveform or None
+        The m-sequence in the back-to-back, where that is to be correlated.
+    """
+
+    def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+        result = dict(base)
+        for key, value in over.items():
+            if isinstance(value, dict) and value.keys() & {"dataset", "attribute", "of"}:
+                reference = Reference.from_tables(value, f"{file.path}: the layout's [sounder]: {key}")
+                label = f"sounder: {key}"
+                named = key == "name"
+                result[key] = file.text(reference, label) if named else file.numbers(reference, label).tolist()
+            elif isinstance(value, dict):
+                result[key] = merged(result.get(key) or {}, value)
+            else:
+                result[key] = value
+        return result
+
+    source = f"{file.path}: the layout's [sounder]"
+    tables = merged(sounder.model_dump(), layout.sounder)
+    if set(layout.sounder.get("carrier", {})) == {"frequency"}:  # the oscillator of another carrier does not apply
+        tables["carrier"] = {"frequency": tables["carrier"]["frequency"]}
+    thru = layout.back_to_back
+    correlated = thru is not None and thru.kind == "iq" and layout.captures.kind == "cir"
+    sequence = Waveform.from_tables(tables["waveform"], f"{source}: waveform") if correlated else None
+    tables |= _of_responses(file, layout, sequence)
+    if "waveform" in layout.sounder or layout.captures.kind != "iq":  # the bandwidth of another waveform does not apply
+        own = layout.sounder.get("processing", {}).get("bandwidth")
+        tables["processing"] = {**tables["processing"], "bandwidth": own}
+    for name in ("tx_antenna", "rx_antenna"):
+        if isinstance(tables.get(name), dict) and tables[name].get("pattern") != "cut":
+            tables[name]["cut"] = None
+    return Sounder.from_tables(tables, source), sequence
+
+
+def is_descending(file: ForeignFile, frequency: Numbers | None) -> bool:
+    """Whether the frequencies of transfer functions are in descending order."""
+    if frequency is None:
+        return False
+    values = np.atleast_1d(file.numbers(frequency, "frequency"))
+    return bool(values[0] > values[-1])
+
+
+def require_same_frequencies(file: ForeignFile, frequency: Numbers | None, sounder: Sounder) -> None:
+    """Refuse a back-to-back that was measured at other frequencies than the captures."""
+    if frequency is None:
+        return
+    own = sweep_tables(np.atleast_1d(file.numbers(frequency, "back_to_back.frequency")).astype(float), file.path)
+    if own["waveform"]["points"] != sounder.waveform.samples or not np.isclose(
+        own["carrier"]["frequency"], sounder.carrier.frequency
+    ):
+        raise DataError(
+            f"{file.path}: the back-to-back has {own['waveform']['points']} frequencies around "
+            f"{own['carrier']['frequency'] / 1e9:g} GHz, the captures have {sounder.waveform.samples} around "
+            f"{sounder.carrier.frequency / 1e9:g} GHz; measure both at the same frequencies"
+        )
+
+
+def _of_responses(file: ForeignFile, layout: Layout, sequence: Waveform | None) -> dict[str, Any]:
+    """Tables of the description that follow from the frequencies or from the sample rate of responses."""
+    block = layout.captures
+    if block.frequency is not None:
+        found = sweep_tables(
+            np.atleast_1d(file.numbers(block.frequency, "captures.frequency")).astype(float), file.path
+        )
+    elif block.sample_rate is not None:
+        points = lengths(file, block)["sample"]
+        rate = file.scale(block.sample_rate, "captures.sample_rate")
+        found = {"waveform": {"points": points, "step": rate / points}}
+        if sequence is not None:
+            found["waveform"]["chip_rate"] = sequence.chip_rate
+    else:
+        return {}
+    return found
