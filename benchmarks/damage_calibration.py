@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 
 import erm
 from erm.common.errors import DataError
@@ -36,9 +37,10 @@ class Draw:
 
     recording: Recording
     b2b: BackToBack
+    paths: xr.Dataset
 
 
-def draw(seed: int) -> Draw:
+def draw(seed: int, scattered: Callable[[xr.Dataset], xr.Dataset] = lambda paths: paths) -> Draw:
     """A random street, an instrument of its own, and a position in line of sight within the fan."""
     rng = np.random.default_rng([7, seed])
     while True:
@@ -55,12 +57,13 @@ def draw(seed: int) -> Draw:
         in_fan = abs(np.degrees(np.arcsin((tx - rx)[2] / distance))) < 12
         if distance > 25 and in_fan and paths["los"].any():
             break
+    paths = scattered(paths)
     faults = Faults(system_response={"seed": int(rng.integers(1e6))})
     ends = {"tx_position": tx, "rx_position": rx}
     made = record(paths, SOUNDER, name=f"P{seed}", snapshots=4, los=1, faults=faults, seed=seed, **ends)
     survey = made.sounder.model_copy(update={"survey": Survey(position_std=0.01, heading_std=1.0, tilt_std=1.0)})
     b2b = back_to_back(SOUNDER, float(rng.uniform(57, 70)), faults=faults, seed=seed)
-    return Draw(replace(made, sounder=survey), b2b)
+    return Draw(replace(made, sounder=survey), b2b, paths)
 
 
 def remarks(recording: Recording, b2b: BackToBack) -> list[Remark] | None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from sounder.quality.beams import Paths
+from sounder.quality.beams import MIN_BEAMS, Paths
 from sounder.quality.noise_floor import FALSE_ALARM
 
 Real = NDArray[np.float64]
@@ -20,6 +20,10 @@ CLOSE = 2
 """The same for single directions that slipped, which is rarely by more than a sample."""
 NEAR = 0.3
 """Difference of delays that counts as none, or as a whole number of samples [sample]."""
+UNRESOLVED = 0.2
+"""Error of the delay of a path beside weak ones that are not resolved [sample]: of one 14 dB below, a sample off."""
+SIGMAS = 3.0
+"""Standard errors that a delay may be off."""
 MIN_PAIRS = 30
 """Pairs of beams that must show lost samples."""
 MOVED = 0.75
@@ -30,8 +34,6 @@ FAR_SEEN = 3
 """Strongest paths whose delays are measured in all beams; chosen."""
 DRIFT_FALSE_ALARM = FALSE_ALARM / 100
 """Probability of a drift by chance: the standard error of few paths is too small more often than it should be."""
-MIN_PATHS = 2
-"""Paths that must show the slip of a direction. One alone may be two paths, at delays that differ by a sample."""
 LEAST_DRIFT = 0.1
 """Smallest drift over the scan that is removed [sample]: eight times that of clocks which walk by a picosecond
 a direction over 108 directions."""
@@ -47,11 +49,14 @@ class Delays:
         Numbers of the path and of the beam.
     delay : array (delay,)
         Against the peak in the path's strongest beam [sample].
+    tolerance : array (delay,)
+        Error that noise and other paths make [sample].
     """
 
     path: Integers
     beam: Integers
     delay: Real
+    tolerance: Real
 
     def against_path(self, offset: Real) -> Real:
         """Delays (delay,) against the median over the beams of a path, with the offsets (beam,) removed."""
@@ -71,7 +76,8 @@ class Delays:
 def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, strict: bool) -> Delays:
     """Delays of the highest peaks about every path's, by a parabola through three samples in dB.
 
-    A Hann-shaped spectrum has a pulse that is a parabola in dB about its peak, to 0.02 samples.
+    A Hann-shaped spectrum has a pulse that is a parabola in dB about its peak, to 0.02 samples. With the power
+    ``A exp(-k t^2)`` over a noise of the same band, its delay has the variance ``1 / (2 A k)``.
 
     Parameters
     ----------
@@ -89,7 +95,7 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, stri
     around, used = paths.around, paths.around >= 0
     if strict:
         used = paths.agree & paths.consistent[:, None]
-    around, used = _with_far_beams(around, used, len(snr))
+    around, used = _with_far_beams(paths, used, snr.shape)
     power = snr[np.maximum(around, 0)[..., None], at[:, None, :]]
     inner = power[..., 1:-1]
     peak = inner.argmax(axis=-1) + 1
@@ -101,17 +107,28 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, stri
     is_peak = (middle > left) & (middle >= right) & (middle > np.log(SEEN)) & used
     delay = lag[peak] + 0.5 * (left - right) / np.where(curvature < 0, curvature, -1)
     path, near = np.nonzero(is_peak)
-    return Delays(path, around[path, near], delay[path, near].astype(float))
+    std = 1 / np.sqrt(np.exp(middle[path, near]) * -curvature[path, near])
+    return Delays(
+        path, around[path, near], delay[path, near].astype(float), (UNRESOLVED + SIGMAS * std).astype(float)
+    )
 
 
-def _with_far_beams(around: Integers, used: NDArray[np.bool_], beams: int) -> tuple[Integers, NDArray[np.bool_]]:
-    """Beams of each path, and for the strongest paths all other beams, which see them through their sidelobes."""
-    far = np.tile(np.arange(beams), (len(around), 1))
-    near = np.zeros((len(around), beams + 1), bool)
-    np.put_along_axis(near, around, True, axis=1)
-    seen = ~near[:, :beams]
-    seen[FAR_SEEN:] = False
-    return np.hstack([around, far]), np.hstack([used, seen])
+def _with_far_beams(
+    paths: Paths, used: NDArray[np.bool_], shape: tuple[int, ...]
+) -> tuple[Integers, NDArray[np.bool_]]:
+    """Beams of each path, and for the strongest paths all other beams, which see them through their sidelobes.
+
+    Of paths that are close in delay, sidelobes show the strongest.
+    """
+    beams, size = shape
+    apart = np.abs(paths.delay[:, None] - paths.delay)
+    close = np.tril(np.minimum(apart, size - apart) < 2 * WINDOW, -1).any(axis=1)
+    shown = np.flatnonzero(~close)[:FAR_SEEN]
+    near = np.zeros((len(paths.around), beams + 1), bool)
+    np.put_along_axis(near, paths.around, True, axis=1)
+    seen = np.zeros((len(near), beams), bool)
+    seen[shown] = ~near[shown, :beams]
+    return np.hstack([paths.around, np.tile(np.arange(beams), (len(near), 1))]), np.hstack([used, seen])
 
 
 def lost_samples(delays: Delays, order: Integers) -> tuple[int, int]:
@@ -162,6 +179,10 @@ def slips(delays: Delays, beams: int) -> Integers:
     """Delay (beam,) of each beam against the others [sample]; 0 unless it has slipped by a whole number of samples.
 
     The delay of a path is the median over its beams; that of a beam the median over its paths. They are found in turn.
+    Then the beam must be off every path that it sees by one and the same number, and most other beams that see these
+    paths must not be off. Two paths that are not resolved seldom look like one that is off by a whole sample: the power
+    of both is between their delays. Where many beams are off by other than whole samples, those that are off by one
+    are so by chance.
     """
     offset = np.zeros(beams)
     for _ in range(3):
@@ -169,13 +190,18 @@ def slips(delays: Delays, beams: int) -> Integers:
         for beam in np.unique(delays.beam):
             offset[beam] += np.median(against[delays.beam == beam])
     whole = np.rint(offset)
-    against = delays.against_path(offset) + offset[delays.beam]
+    off = delays.against_path(whole)
+    settled = np.abs(off) < delays.tolerance
+    count = np.bincount(delays.path)[delays.path]
+    agree = np.bincount(delays.path, settled)[delays.path] - settled
+    sure = (agree >= MIN_BEAMS) & (agree >= MOVED * (count - 1))
+    slipped = np.zeros(beams, bool)
     for beam in np.flatnonzero(whole):
-        own = against[delays.beam == beam]
-        moved, still = np.abs(own - whole[beam]) < NEAR, np.abs(own) < NEAR
-        if moved.sum() < max(MIN_PATHS, MOVED * own.size) or still.any():
-            whole[beam] = 0
-    return whole.astype(np.int64)
+        own = delays.beam == beam
+        slipped[beam] = sure[own].any() and settled[own].sum() >= MOVED * own.sum()
+    if slipped.sum() < MOVED * np.unique(delays.beam[sure & (whole[delays.beam] != 0)]).size:
+        slipped[:] = False
+    return np.where(slipped, whole, 0).astype(np.int64)
 
 
 def clock_drift(delays: Delays, order: Integers) -> tuple[float, float]:

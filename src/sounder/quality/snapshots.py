@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from sounder.cir.power_spectrum import noise_power
 from sounder.options import Averaging
+from sounder.quality.noise_floor import FALSE_ALARM
 
 Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
@@ -23,10 +24,12 @@ Held chips that are shifted by a sample of two keep (510 / 1022)^2 = 0.25; band-
 SIGNIFICANT = 6.0
 """Amplitude of a cross-correlation over that without a shift, in amplitudes of noise. A noise of amplitude 1 exceeds 6
 with the probability exp(-36): none of the shifts of a campaign does."""
-STRONG = 8.0
-"""Power over the noise of the samples of the reference that are correlated. Noise exceeds it with exp(-8) = 3e-4."""
+STRONG = -np.log(FALSE_ALARM / 1000)
+"""Power over the noise of the samples of the reference that are correlated: of a capture of a thousand samples noise
+has one with `FALSE_ALARM`."""
 BURST = 1.6
-"""Noise of a snapshot over its usual value that is a burst: 2 dB, seven standard deviations."""
+"""Noise of a snapshot over its usual value, and over that of the other snapshots of the direction, that is a burst:
+2 dB, seven standard deviations. Strong signals bring noise of their own to all snapshots."""
 
 
 def expected_coherence(snr: Real, snapshots: int) -> Real:
@@ -83,7 +86,7 @@ def compare_snapshots(responses: Complex, noise: float) -> Snapshots:
     array([0, 0, 7, 7])
     """
     level = noise_power(np.abs(responses) ** 2) / noise
-    good = level < BURST
+    good = level < BURST * max(1.0, float(np.median(level)))
     if not good.any():
         good = level <= level.min()
     first = responses[int(np.argmax(good))]

@@ -92,7 +92,7 @@ def limited(captures):
 
 def tone(captures):
     samples = np.arange(captures.shape[0] * captures.shape[1]).reshape(captures.shape[:2])
-    wave = 0.5 * captures.std() * np.exp(0.3j * samples)
+    wave = 0.5 * captures.std() * np.exp(2j * np.pi * 49 / captures.shape[1] * samples)
     return (captures + np.stack([wave.real, wave.imag], -1)).astype(np.int16)
 
 

@@ -16,7 +16,7 @@ def delays(seed, offset, std=0.05):
     beam = (3 * azimuth[..., None] + np.arange(3)).reshape(PATHS, SEEN).ravel()
     path = np.repeat(np.arange(PATHS), SEEN)
     own = rng.uniform(-0.5, 0.5, PATHS)[path]
-    return Delays(path, beam, own + offset[beam] + std * rng.normal(size=beam.size))
+    return Delays(path, beam, own + offset[beam] + std * rng.normal(size=beam.size), np.full(beam.size, 5 * std))
 
 
 def test_nothing_is_found_in_clean_delays():
@@ -35,14 +35,19 @@ def test_samples_lost_during_the_scan(first, shift):
     assert abs(found[0] - first) <= 12  # no path is seen by every beam
 
 
-def test_a_slip_needs_two_paths():
-    two = delays(2, np.zeros(BEAMS))
-    counts = np.bincount(two.beam, minlength=BEAMS)
+def test_beams_that_slipped_by_whole_samples_are_found():
     offset = np.zeros(BEAMS)
-    many, single = np.flatnonzero(counts >= 2)[:3], np.flatnonzero(counts == 1)[:3]
-    offset[[*many, *single]] = [1, -1, 1, 1, -1, 1]
-    assert slips(delays(2, offset), BEAMS)[many].tolist() == [1, -1, 1]
-    assert not slips(delays(2, offset), BEAMS)[single].any()
+    slipped = np.unique(delays(2, offset).beam)[::9]
+    offset[slipped] = np.resize([1, -1, 1], slipped.size)
+    np.testing.assert_array_equal(slips(delays(2, offset), BEAMS), offset)
+
+
+def test_beams_between_two_paths_are_not_slipped():
+    """Scattering moves delays by any fraction of a sample, here and there by a whole one."""
+    offset = np.zeros(BEAMS)
+    moved = np.unique(delays(2, offset).beam)[::9]
+    offset[moved] = np.linspace(0.5, 1.5, moved.size)
+    assert not slips(delays(2, offset), BEAMS).any()
 
 
 def test_the_drift_of_a_clock_is_measured_beside_a_slip():
