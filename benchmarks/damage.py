@@ -9,7 +9,6 @@ second a row.
 from harness import conclude  # isort: skip
 
 import sys
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
