@@ -108,9 +108,7 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, stri
     delay = lag[peak] + 0.5 * (left - right) / np.where(curvature < 0, curvature, -1)
     path, near = np.nonzero(is_peak)
     std = 1 / np.sqrt(np.exp(middle[path, near]) * -curvature[path, near])
-    return Delays(
-        path, around[path, near], delay[path, near].astype(float), (UNRESOLVED + SIGMAS * std).astype(float)
-    )
+    return Delays(path, around[path, near], delay[path, near].astype(float), (UNRESOLVED + SIGMAS * std).astype(float))
 
 
 def _with_far_beams(
