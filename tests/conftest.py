@@ -17,13 +17,21 @@ SLOW_EXAMPLES = (
 """Files whose docstrings have examples that process captures."""
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 LONG_TESTS = (
+    "tests/erm/reconstruction/test_bundle_walls.py::test_chains",
     "tests/erm/reconstruction/test_rx_std.py",
     "tests/erm/reconstruction/search/test_density.py::test_four_links",
     "tests/sounder/campaign/test_demo.py",
     "tests/sounder/campaign/test_letter_study.py",
     "tests/sounder/campaign/test_study.py",
+    "tests/sounder/cli/test_compiled.py",
+    "tests/sounder/cli/test_process.py::test_a_run_has_no_kernel_compiled_twice",
+    "tests/sounder/cli/test_process.py::test_nothing_is_imported",
+    "tests/sounder/kernels/compiler/test_cache.py::test_processes_that_start_together",
+    "tests/sounder/kernels/correlation/test_targets.py::test_llvm",
     "tests/sounder/mpc/test_fan.py",
+    "tests/sounder/processing/test_cluster.py",
     "tests/sounder/processing/test_raytraced.py",
+    "tests/test_packaging.py::test_the_letters_study",
 )
 """Tests that take ten seconds or more; `make long` runs them."""
 

@@ -4,7 +4,6 @@ import hashlib
 import json
 import subprocess
 import sys
-import time
 from importlib.metadata import version
 from pathlib import Path
 
@@ -58,6 +57,7 @@ def test_mpcs_become_a_map_that_predicts_them(tmp_path: Path, mpcs: Path, capsys
 
 
 @pytest.mark.parametrize("suffix", ["h5", "geojson", "gpkg", "csv"])
+@pytest.mark.slow
 def test_a_map_tells_where_it_came_from(tmp_path: Path, mpcs: Path, suffix):
     other, out = tmp_path / "other" / "mpcs.csv", tmp_path / f"map.{suffix}"
     other.parent.mkdir()
@@ -147,10 +147,6 @@ def test_version_and_a_line_for_each_command(monkeypatch, capsys):
     assert "..." not in told.partition("Commands:")[2]
 
 
-def test_help_is_quick():
-    start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "erm", "--help"], check=True, capture_output=True)
-    # 0.35 s alone; numpy, xarray or pyplot would each add what tells them, on a busy machine too
-    assert time.perf_counter() - start < 3
+def test_help_imports_nothing_that_takes_time():
     heavy = "import erm.cli, sys; sys.exit(any(name in sys.modules for name in ('numpy', 'xarray', 'matplotlib')))"
     assert subprocess.run([sys.executable, "-c", heavy], check=False).returncode == 0

@@ -54,6 +54,7 @@ CASES = {
 
 @pytest.mark.parametrize("suffix", ["h5", "geojson", "gpkg", "csv"])
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.slow
 def test_what_tells_of_no_wall_is_a_legal_map_and_a_reason(tmp_path: Path, capsys, case, suffix):
     mpcs, reasons = CASES[case]
     out = tmp_path / f"map.{suffix}"
@@ -70,6 +71,7 @@ def test_what_tells_of_no_wall_is_a_legal_map_and_a_reason(tmp_path: Path, capsy
     assert read_map(out).reflectors.sizes["reflector"] == 0
 
 
+@pytest.mark.slow
 def test_positions_on_a_line_are_a_wall_and_what_is_left_out_is_told(tmp_path: Path, capsys):
     rx = np.column_stack([np.linspace(-20, 30, 6), np.full(6, 2.0), np.full(6, 1.5)])
     both = [table(rx, WALL), table(rx)]

@@ -11,6 +11,7 @@ from erm.maps.formats import read_map, write_map
 from .commands import run
 
 
+@pytest.mark.slow
 def test_an_input_is_never_replaced(tmp_path: Path, mpcs: Path, capsys):
     out = tmp_path / "map.csv"
     assert run("reconstruct", mpcs, "--out", out) == 0

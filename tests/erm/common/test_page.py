@@ -10,6 +10,7 @@ from erm.common.page import Page, cell
 from erm.common.storage import atomic_path
 
 
+@pytest.mark.slow
 def test_a_figure_is_written_as_vector_and_as_picture_and_shown_with_its_caption(tmp_path: Path):
     open_before = plt.get_fignums()
     page = Page(tmp_path, "page.md")

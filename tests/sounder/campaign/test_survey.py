@@ -36,6 +36,7 @@ def products(folder: Path, *, places=PLACES, tx=TX, doubts="", **off: float) -> 
     return made
 
 
+@pytest.mark.slow
 def test_clean_positions_are_not_remarked(tmp_path: Path) -> None:
     assert remarks_on_survey(products(tmp_path)) == []
 
@@ -49,12 +50,14 @@ def test_clean_positions_are_not_remarked(tmp_path: Path) -> None:
         ({"places": [(y, x, z) for x, y, z in PLACES]}, "east and north exchanged"),
     ],
 )
+@pytest.mark.slow
 def test_common_errors_are_named_though_every_position_is_doubtful(tmp_path: Path, off, what) -> None:
     [line] = remarks_on_survey(products(tmp_path, doubts="azimuth", **off))
 
     assert re.search(what, line)
 
 
+@pytest.mark.slow
 def test_a_doubt_that_most_positions_share_is_left_to_the_calibration(tmp_path: Path) -> None:
     every = products(tmp_path, doubts="azimuth")
     assert read_mpcs(every)[0].sizes["mpc"] > 0

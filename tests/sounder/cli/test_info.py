@@ -44,6 +44,7 @@ def test_info_describes_back_to_back_and_product(campaign, products, capsys):
 
 
 @pytest.mark.parametrize("file", ["products/RX1.h5", "raw/RX1.h5"])
+@pytest.mark.slow
 def test_info_imports_nothing_that_computes(campaign, products, file):
     heavy = ("numba", "scipy", "matplotlib", "dask", "xarray")
     program = (
@@ -104,6 +105,7 @@ def test_the_shipped_sounder_does_not_give_its_name_to_another(joined, capsys):
         assert line.endswith(" (all 2 positions of foreign.h5)")
 
 
+@pytest.mark.slow
 def test_many_positions_are_a_line_each_unless_all_is_asked_for(campaign, joined, capsys):
     with h5py.File(joined, "r+") as file:
         for name in ("iq", "agc_gain", "tx_position", "rx_position"):

@@ -40,6 +40,7 @@ def test_frequencies_may_differ():
     assert close_in(DISTANCE, loss, frequency).exponent == pytest.approx(2.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
     rng = np.random.default_rng(3)
     held = np.zeros(4)

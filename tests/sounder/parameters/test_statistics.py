@@ -14,6 +14,7 @@ def campaign(los, **columns) -> xr.Dataset:
     return xr.Dataset({name: ("position", values) for name, values in (facts | columns).items()})
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_quantile_at_least_as_often_as_they_say():
     rng = np.random.default_rng(2)
     for count, share in ((25, 0.5), (60, 0.1), (60, 0.9)):

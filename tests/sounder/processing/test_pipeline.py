@@ -61,6 +61,7 @@ def test_products_are_in_the_order_of_the_jobs_and_progress_counts_them(jobs, tm
     assert (outcome.failures, outcome.notes, len(steps)) == ([], [], 3)
 
 
+@pytest.mark.slow
 def test_damage_met_while_reading_costs_its_position_alone(jobs, tmp_path):
     first, second, third = jobs("A", "B", "C")
 

@@ -63,6 +63,7 @@ def test_compiled_pattern_is_the_numpy_one(make_view):
         assert got == pytest.approx(10 ** (PATTERN.beam_gain(azimuth, elevation, *looks[beam]) / 20), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_slopes_are_derivatives(make_view):
     rng = np.random.default_rng(2)
     looks = np.column_stack([rng.uniform(0, 360, 50), rng.uniform(-30, 30, 50)])
@@ -92,6 +93,7 @@ def test_magnitudes_without_noise_give_the_direction(fit):
         assert cost < 1e-8 * a**2
 
 
+@pytest.mark.slow
 def test_fixed_angles_stay(fit):
     row = LOOKS[:, 1] == 0
     _, path = fit(seen(3.0, 0.0)[row], looks=LOOKS[row], free=(1.0, 0.0))

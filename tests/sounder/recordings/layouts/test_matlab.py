@@ -14,6 +14,7 @@ from .captures import AZIMUTH, B2B, ELEVATION, IQ, PLAIN, RX, SAMPLES, TX, toml
 
 @pytest.mark.parametrize("version", [5, 7.3])
 @pytest.mark.parametrize("positions", [1, 2])
+@pytest.mark.slow
 def test_matlab(opened, tmp_path, version, positions):
     # as MATLAB shows it: size(rec.i) = [254 3 4 3 positions], tx 1 x 3, rx positions x 3, grids as rows
     shown = IQ[:positions].transpose(5, 4, 3, 1, 2, 0)  # iq, sample, snapshot, azimuth, elevation, position
@@ -82,6 +83,7 @@ def test_a_damaged_matlab_file_is_reported(tmp_path, sounder):
 
 @pytest.mark.parametrize("name", ["rec.mat", "REC.MAT"])
 @pytest.mark.parametrize("version", [5, 7.3])
+@pytest.mark.slow
 def test_text_of_matlab_is_text(opened, tmp_path, version, name):
     layout = PLAIN + '[sounder]\nname = { dataset = "label" }\n'
     path = tmp_path / name
