@@ -4,6 +4,7 @@ import glob
 import hashlib
 import json
 import os
+import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -76,9 +77,15 @@ def clear_leftovers(target: Path) -> None:
 
 
 def sha256(path: Path | str) -> str:
-    """SHA-256 of a file, hexadecimal. Unchanged files are read once."""
+    """SHA-256 of a file, hexadecimal; of a folder, that of the names and hashes of its files.
+
+    Unchanged files are read once.
+    """
     try:
         facts = os.stat(path)
+        if stat.S_ISDIR(facts.st_mode):
+            files = sorted(file for file in Path(path).iterdir() if file.is_file())
+            return hashlib.sha256("".join(f"{file.name} {sha256(file)}\n" for file in files).encode()).hexdigest()
         return _sha256(os.fspath(path), facts.st_mtime_ns, facts.st_size)
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror}); it was there when the work began") from None

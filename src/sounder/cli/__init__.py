@@ -94,13 +94,15 @@ def info(
 @app.command()
 def convert(
     file: Annotated[Path, typer.Argument(help="Recording in any readable format.")],
-    out: Annotated[Path, typer.Option(help="Native recording (.h5), or a folder if the file holds several positions.")],
+    out: Annotated[
+        Path, typer.Option(help="Recording (.h5, .sigmf-meta), or a folder if the file holds several positions.")
+    ],
     layout: Layout = None,
     sounder: Description = None,
 ) -> None:
-    """Convert a recording to the native format."""
+    """Convert a recording to the native format, or to SigMF."""
     protect_inputs((out,), (file,))
-    if out.suffix.lower() != ".h5":
+    if out.suffix.lower() not in (".h5", ".sigmf-meta", ".sigmf-data"):
         require_folder(out)
     from sounder.processing.convert import convert_file
 

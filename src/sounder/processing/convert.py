@@ -7,6 +7,7 @@ from erm.common.errors import DataError
 from sounder.processing.jobs import Explained, failure_lines, open_file
 from sounder.processing.pipeline import OutputPaths
 from sounder.processing.position import Outcome
+from sounder.recordings.formats import sigmf_recording
 from sounder.recordings.writer import write_back_to_back, write_recording
 
 
@@ -18,7 +19,7 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
     path : Path
         File in any readable format.
     out : Path
-        A ``.h5`` file if ``path`` holds one position and nothing else; otherwise a folder.
+        A ``.h5`` or ``.sigmf-meta`` file if ``path`` holds one position and nothing else; otherwise a folder.
     layout, sounder : Path, optional
         As for :func:`sounder.processing.jobs.gather`.
 
@@ -34,7 +35,8 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
     found, b2b = open_file(path, Explained(layout=layout, sounder=sounder))
     outcome = Outcome(failures=failure_lines(path, found))
     recordings = [item for item in found if not isinstance(item, DataError)]
-    single = out.suffix == ".h5"
+    as_sigmf = sigmf_recording.is_format(out)
+    single = out.suffix == ".h5" or as_sigmf
     if single and (len(recordings) > 1 or b2b is not None):
         held = counted(len(recordings), "position") + (" and a back-to-back" if b2b is not None else "")
         raise DataError(f"{path}: holds {held}; --out is the file {out}, expected a folder")
@@ -46,7 +48,10 @@ def convert_file(path: Path, out: Path, *, layout: Path | None = None, sounder: 
             outcome.failures.append(str(error))
             continue
         try:
-            write_recording(recording, target, history="sounder convert")
+            if as_sigmf:
+                sigmf_recording.write(recording, out, history="sounder convert")
+            else:
+                write_recording(recording, target, history="sounder convert")
         except DataError as error:
             outcome.failures.append(str(error))
             targets.release(target)

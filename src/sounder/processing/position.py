@@ -220,7 +220,7 @@ def _root(recording: Recording, remarks: list[Remark]) -> xr.Dataset:
 
 def _inputs(job: Job) -> set[Path]:
     """Files that a position is made of."""
-    return {job.recording.source, job.b2b.source} | job.source.explained.files
+    return {job.recording.source, job.b2b.source, *job.recording.inputs} | job.source.explained.files
 
 
 @contextmanager

@@ -11,11 +11,13 @@ import numpy as np
 
 from erm.common.console import counted
 from erm.common.errors import DataError
-from erm.common.gate.hdf5 import Dataset, Group, open_hdf5
+from erm.common.gate.hdf5 import Dataset, Group, is_hdf5, open_hdf5
 from erm.common.printable import printable
 from erm.common.storage import SOFTWARE
 from sounder.processing.summary_texts import Lines, line_of_sight, metres
 from sounder.quality.table import read_remarks, rows
+from sounder.recordings.formats.content import Content
+from sounder.recordings.formats.find import content_of
 from sounder.remark import lines as remark_lines
 
 Table = tuple[Sequence[str], Iterable[Sequence[object]]]
@@ -39,6 +41,8 @@ def describe_file(path: Path) -> Lines:
         The file is missing or none of these.
     """
     expected = "a recording or a product; for a MATLAB file describe its layout with --layout"
+    if path.is_file() and not is_hdf5(path) and (content := content_of(path)) is not None:
+        return _content(content)
     with open_hdf5(path, expected) as file:
         if "mpc" in file and "daps" in file:
             return _product(file)
@@ -51,6 +55,13 @@ def describe_file(path: Path) -> Lines:
     if native.kind_of(path) == native.BACK_TO_BACK:
         return recordings.describe_back_to_back(native.back_to_back(path))
     return [line for recording in open_recordings(path) for line in recordings.describe_recording(recording)]
+
+
+def _content(content: Content) -> Lines:
+    """What a layout can refer to in a file of plain samples."""
+    arrays = [(name, f"{array.dtype} {tuple(array.shape)}") for name, array in content.items()]
+    attributes = [(f"attribute {name}", printable(f"{value}")) for name, value in content.attrs.items()]
+    return [("kind", content.kind), *arrays, *attributes]
 
 
 def describe_foreign_file(

@@ -1,6 +1,7 @@
 """Axes of a foreign file: their lengths, the grid of directions, and values for each direction."""
 
 from collections.abc import Mapping
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
+from erm.common.gate.plain import Rows
 from sounder.recordings.foreign_file import ForeignFile
 from sounder.recordings.layout import Layout, Samples
 
@@ -38,15 +40,26 @@ def grid(
     return azimuth[by_azimuth], elevation[by_elevation], order
 
 
-def lengths(file: ForeignFile, block: Samples) -> dict[str, int]:
-    """Length of every named axis."""
+def lengths(file: ForeignFile, block: Samples, known: Mapping[str, int] | None = None) -> dict[str, int]:
+    """Length of every named axis.
+
+    Parameters
+    ----------
+    file : ForeignFile
+    block : Samples
+    known : mapping, optional
+        Lengths by the description, which a row of samples needs.
+    """
     node = file.node(block.dataset)
-    if node.ndim != len(block.axes):
+    if block.flat:
+        found = _lengths_of_row(file, block, node.shape, known or {})
+    elif node.ndim != len(block.axes):
         raise DataError(
             f"{file.path}: {block.dataset} has {node.ndim} axes {node.shape}, but the layout names {len(block.axes)}: "
             f"{', '.join(block.axes)}"
         )
-    found = dict(zip(map(str, block.axes), node.shape, strict=True))
+    else:
+        found = dict(zip(map(str, block.axes), node.shape, strict=True))
     if block.imaginary is not None and (other := file.node(block.imaginary).shape) != node.shape:
         raise DataError(f"{file.path}: {block.dataset} has shape {node.shape}, but {block.imaginary} has {other}")
     if (node.dtype.kind in "biuf") != (block.imaginary is not None or "iq" in block.axes):
@@ -57,6 +70,46 @@ def lengths(file: ForeignFile, block: Samples) -> dict[str, int]:
     if found.get("iq", 2) != 2:
         raise DataError(f"{file.path}: axis iq of {block.dataset} has length {found['iq']}; expected 2 (I, Q)")
     return found
+
+
+def _lengths_of_row(
+    file: ForeignFile, block: Samples, shape: tuple[int, ...], known: Mapping[str, int]
+) -> dict[str, int]:
+    """Lengths of the axes of samples in one row: those known, and one that follows from the number of samples."""
+    who = f"{file.path}: {block.dataset}"
+    shape = shape if len(shape) == 1 or 1 not in shape[:2] else shape[1:] if shape[0] == 1 else (shape[0], *shape[2:])
+    if len(shape) != 1 + ("iq" in block.axes):
+        raise DataError(f"{who} has shape {shape}; with flat = true expected one row of samples")
+    axes = [axis for axis in block.axes if axis != "iq"]
+    found = {str(axis): known[axis] for axis in axes if axis in known}
+    if "sample" not in found:
+        raise DataError(f"{who}: flat = true needs the number of samples of a capture; describe the waveform")
+    each = prod(found.values()) // found["sample"] * (block.stride or found["sample"])
+    total = shape[0] - block.start
+    if len(unknown := [str(axis) for axis in axes if axis not in found]) > 1:
+        raise DataError(
+            f"{who}: flat = true, and the lengths of {' and '.join(unknown)} are not known; name one of them"
+        )
+    # the last capture may end where the row does, before a whole stride
+    spare = (block.stride or found["sample"]) - found["sample"]
+    count = (total + spare) // each
+    exact = block.start or block.stride is not None or total == count * each
+    if count < 1 or not exact or (not unknown and count != 1 and block.stride is None):
+        raise DataError(
+            f"{who} has {total} samples; expected {'a multiple of ' if unknown else ''}{each}, by the layout"
+        )
+    found |= dict.fromkeys(unknown, count)
+    return {str(axis): found.get(axis, 2) for axis in block.axes}
+
+
+def node_of(file: ForeignFile, block: Samples, name: str, shape: Mapping[str, int]) -> Any:
+    """Dataset of a block with the axes of the layout, those of a row of samples included."""
+    node = file.node(name)
+    if not block.flat:
+        return node
+    row = np.asarray(node[()]).squeeze() if node.ndim > 1 + ("iq" in block.axes) else node
+    full = [length for axis, length in shape.items() if axis != "iq"]
+    return Rows(row, tuple(full), block.start, block.stride or full[-1])
 
 
 def require_lengths(

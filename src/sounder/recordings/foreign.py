@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
-from sounder.recordings.axes import each_direction, grid, lengths, require_lengths
+from sounder.recordings.axes import each_direction, grid, lengths, node_of, require_lengths
 from sounder.recordings.described import described, is_descending, require_same_frequencies
 from sounder.recordings.foreign_file import ForeignFile, foreign_file, opener
 from sounder.recordings.layout import Layout, Samples
@@ -44,12 +44,15 @@ def recordings(
     DataError
         The file does not have this layout.
     """
-    with foreign_file(path) as file:
+    block = layout.captures
+    with foreign_file(path, block.files) as file:
         instrument, _ = described(file, layout, sounder)
         descending = is_descending(file, layout.captures.frequency)
         azimuth, elevation, order = grid(file, layout)
-        shape = lengths(file, layout.captures)
         directions = (azimuth.size, elevation.size)
+        known = {"sample": instrument.waveform.samples, "direction": azimuth.size * elevation.size}
+        known |= dict(zip(("azimuth", "elevation"), directions, strict=True))
+        shape = lengths(file, block, known)
         require_lengths(path, layout.captures, shape, directions, instrument.waveform.samples)
         names = [_name(layout, path, p) for p in range(shape.get("position", 1))]
         placed = places(file, layout, names, positions)
@@ -57,7 +60,8 @@ def recordings(
         each = (layout.captures, shape, directions)
         agc = each_direction(file, layout.agc_gain, *each, "agc_gain")
         times = None if layout.time is None else each_direction(file, layout.time, *each, "time")
-    file_of_all = opener(path)
+        inputs = tuple(getattr(file.root, "files", ()))
+    file_of_all = opener(path, block.files)
     found: list[Recording | PositionError] = []
     for p, place in enumerate(placed):
         if isinstance(place, DataError):
@@ -77,8 +81,9 @@ def recordings(
             valid=np.ones(directions, bool),
             los=place.los,
             time=None if times is None else times[p][order],
-            read=_reader(file_of_all, layout.captures, p, order, directions, descending),
-            kind=layout.captures.kind,
+            read=_reader(file_of_all, block, shape, p, order, directions, descending),
+            kind=block.kind,
+            inputs=inputs,
         )
         try:
             check(recording, shape["sample"])
@@ -95,7 +100,7 @@ def back_to_back(path: Path, layout: Layout, sounder: Sounder, *, calibration: P
     If the layout names none: that of an ideal instrument for responses, which may be calibrated already; else None.
     """
     block, kind = layout.back_to_back, layout.captures.kind
-    with foreign_file(path) as file:
+    with foreign_file(path, layout.captures.files) as file:
         instrument, sequence = described(file, layout, sounder)
         if block is None and calibration is None:
             return ideal_pulse(path, instrument, kind, layout.captures.window)
@@ -105,8 +110,9 @@ def back_to_back(path: Path, layout: Layout, sounder: Sounder, *, calibration: P
     with foreign_file(source) as file:
         frequency = layout.captures.frequency if block.frequency is None else block.frequency
         require_same_frequencies(file, frequency, instrument)
-        lengths(file, block)
-        captures = _captures(file, block, {}, descending=is_descending(file, frequency))
+        samples = instrument.waveform.samples if sequence is None else sequence.samples
+        shape = lengths(file, block, {"sample": samples})
+        captures = _captures(file, block, shape, {}, descending=is_descending(file, frequency))
         if kind == "cir":
             if sequence is not None:
                 captures = correlated(captures, sequence, source)
@@ -149,6 +155,7 @@ def _complex_fields(path: Path, dataset: str, names: Sequence[str]) -> tuple[str
 def _reader(
     opened: Callable[[], ForeignFile],
     block: Samples,
+    shape: Mapping[str, int],
     position: int,
     order: tuple[NDArray[np.intp], NDArray[np.intp]],
     directions: tuple[int, int],
@@ -160,21 +167,23 @@ def _reader(
         a, e = int(order[0][azimuth, 0]), int(order[1][0, elevation])
         direction = e * directions[0] + a if block.slowest == "elevation" else a * directions[1] + e
         where = {"position": position, "azimuth": a, "elevation": e, "direction": direction, "snapshot": snapshots}
-        return _captures(opened(), block, where, descending=descending)
+        return _captures(opened(), block, shape, where, descending=descending)
 
     return read
 
 
-def _captures(file: ForeignFile, block: Samples, where: Mapping[str, Any], *, descending: bool = False) -> Captures:
+def _captures(
+    file: ForeignFile, block: Samples, shape: Mapping[str, int], where: Mapping[str, Any], *, descending: bool = False
+) -> Captures:
     """Captures at ``where`` as (snapshot, sample, iq) if they are int16, otherwise complex64 (snapshot, sample).
 
     ``descending`` reverses the samples.
     """
     index = tuple(where.get(axis, slice(None)) for axis in block.axes)
     axes = [axis for axis in block.axes if axis in ("snapshot", "sample", "iq")]
-    data = np.asarray(file.node(block.dataset)[index])
+    data = np.asarray(node_of(file, block, block.dataset, shape)[index])
     if block.imaginary is not None:
-        imaginary = np.asarray(file.node(block.imaginary)[index])
+        imaginary = np.asarray(node_of(file, block, block.imaginary, shape)[index])
         data, axes = np.stack([data, imaginary], axis=-1), [*axes, "iq"]
     if data.dtype.names is not None:  # MATLAB 7.3 stores complex numbers as records (real, imag)
         fields = _complex_fields(file.path, block.dataset, data.dtype.names)

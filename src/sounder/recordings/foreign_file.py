@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 from erm.common.errors import DataError
 from erm.common.gate.hdf5 import Dataset, is_hdf5, open_hdf5, open_root
 from erm.common.gate.matlab import read_matlab
+from erm.common.gate.plain import PlainNumbers
 from erm.common.printable import printable
+from sounder.recordings.formats import touchstone_set
+from sounder.recordings.formats.find import content_of
 from sounder.recordings.layout import Reference
 
 CHUNK_CACHE = 64 * 2**20
@@ -37,7 +40,7 @@ class ForeignFile:
     def node(self, name: str) -> Any:
         """Dataset of a name; ``group/name`` in a group or in a MATLAB structure."""
         node = self.root.get(name.strip("/"))
-        if not isinstance(node, (Dataset, np.ndarray)):
+        if not isinstance(node, (Dataset, np.ndarray, PlainNumbers)):
             raise DataError(f"{self.path}: no dataset {name}, which the layout names")
         return node
 
@@ -126,22 +129,31 @@ class ForeignFile:
 
 
 @contextmanager
-def foreign_file(path: Path) -> Iterator[ForeignFile]:
-    """Open an HDF5 file, or load an older MATLAB file.
+def foreign_file(path: Path, names: str | None = None) -> Iterator[ForeignFile]:
+    """Open a file, or a folder of touchstone files with ``names``.
 
     Raises
     ------
     DataError
-        There is no such file, or it is neither HDF5 nor MATLAB.
+        There is no such file, or no reader knows its format.
     """
-    if path.suffix.lower() == ".mat" and path.is_file() and not is_hdf5(path):
-        yield ForeignFile(path, read_matlab(path))
+    if (content := _plain(path, names)) is not None:
+        yield ForeignFile(path, content)
     else:
-        with open_hdf5(path, "an HDF5 file, or a MATLAB file named .mat") as file:
+        with open_hdf5(path, "an HDF5 file, or one of another known format") as file:
             yield ForeignFile(path, file)
 
 
-def opener(path: Path) -> Callable[[], ForeignFile]:
+def _plain(path: Path, names: str | None) -> Mapping[str, Any] | None:
+    """Content of what is no HDF5 file; None for what is one, or may be."""
+    if names is not None and path.is_dir():
+        return touchstone_set.content(path, names)
+    if not path.is_file() or is_hdf5(path):
+        return None
+    return read_matlab(path) if path.suffix.lower() == ".mat" else content_of(path)
+
+
+def opener(path: Path, names: str | None = None) -> Callable[[], ForeignFile]:
     """Function that returns the file, opened at its first call and then kept open for all positions.
 
     A chunk often holds many directions; the next call finds it in HDF5's cache.
@@ -150,7 +162,8 @@ def opener(path: Path) -> Callable[[], ForeignFile]:
     @cache
     def file() -> ForeignFile:
         # closed with the last recording that reads from it
-        return ForeignFile(path, open_root(path, rdcc_nbytes=CHUNK_CACHE) if is_hdf5(path) else read_matlab(path))
+        content = _plain(path, names)
+        return ForeignFile(path, open_root(path, rdcc_nbytes=CHUNK_CACHE) if content is None else content)
 
     return file
 

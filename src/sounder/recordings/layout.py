@@ -43,12 +43,18 @@ class Samples(Table):
     ``dataset`` names I and ``imaginary`` names Q. ``axes`` lists the axes in the order in which the file stores them; a
     MATLAB 7.3 file stores them in the reverse of the order that MATLAB shows. The axis ``direction`` holds all
     azimuths and elevations in sequence; ``slowest`` is the one that changes last.
+
+    With ``flat``, ``dataset`` holds all samples in one row, and only ``iq`` may be an axis of its own. The first
+    capture begins at the sample ``start``, and captures are ``stride`` samples apart, by default their own length.
     """
 
     dataset: str
     imaginary: str | None = None
     axes: tuple[Axis, ...]
     slowest: Literal["azimuth", "elevation"] = "elevation"
+    flat: bool = False
+    start: Annotated[int, Field(ge=0)] = 0
+    stride: Annotated[int, Field(ge=1)] | None = None
 
     @field_validator("axes", mode="before")
     @classmethod
@@ -65,6 +71,11 @@ class Samples(Table):
             raise ValueError("axes has direction and azimuth or elevation; expected one or the other")
         if self.imaginary is not None and "iq" in self.axes:
             raise ValueError("axes has iq, but imaginary says that I and Q are two datasets")
+        last = [axis for axis in self.axes if axis != "iq"][-1]
+        if not self.flat and (self.start or self.stride is not None):
+            raise ValueError("start and stride are for flat = true")
+        if self.flat and (last != "sample" or self.axes.index("sample") < len(self.axes) - 2):
+            raise ValueError("flat = true needs sample as the last of the axes, or iq behind it")
         return self
 
 
@@ -74,13 +85,15 @@ class ScanSamples(Samples):
     ``kind`` says what they are: ``iq``, samples of the received signal; ``cir``, impulse responses, correlated already;
     ``ctf``, transfer functions (S21). ``frequency`` are those of a transfer function [Hz]; their spacing is constant.
     ``sample_rate`` is that of impulse responses [Hz]; without it they have that of the described waveform. ``window``
-    names the window over frequency that impulse responses were made with, where there is no back-to-back.
+    names the window over frequency that impulse responses were made with, where there is no back-to-back. ``files`` are
+    the names of touchstone files in a folder, with ``{azimuth}`` and ``{elevation}``.
     """
 
     kind: Kind = "iq"
     frequency: Numbers | None = None
     sample_rate: Number | None = None
     window: Literal["boxcar", "hann", "hamming", "blackman"] | None = None
+    files: str | None = None
 
     @model_validator(mode="after")
     def _described(self) -> Self:

@@ -1,11 +1,11 @@
 """Opening a recording in any known format.
 
-A reader is a module with ``is_format(path) -> bool`` and ``recordings(path, sounder=None) -> list[Recording]``. Readers
-are found through the entry point group ``sounder.readers``; the native reader is always there. Files in no known format
-are read with a layout: :mod:`sounder.recordings.foreign`.
+A reader is a module with ``is_format(path) -> bool`` and ``recordings(path, sounder=None) -> list[Recording]``, or for
+formats of plain samples ``content(path) -> Content``, which a layout refers to. Readers are found through the entry
+point group ``sounder.readers``; those in `sounder.recordings.formats` and the native one are always there. Files in no
+known format are read with a layout: :mod:`sounder.recordings.foreign`.
 """
 
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from erm.common.errors import DataError
@@ -13,6 +13,7 @@ from erm.common.gate.files import require_file
 from erm.common.gate.hdf5 import is_hdf5
 from sounder.instrument.description import Sounder
 from sounder.recordings import native
+from sounder.recordings.formats.find import readers
 from sounder.recordings.recording import Recording
 
 
@@ -46,10 +47,16 @@ def open_recordings(path: Path | str, sounder: Sounder | None = None) -> list[Re
     """
     path = Path(path)
     require_file(path)
-    for reader in (native, *(entry.load() for entry in entry_points(group="sounder.readers"))):
-        if reader.is_format(path):
-            found: list[Recording] = reader.recordings(path, sounder)
-            return found
+    for reader in (native, *readers()):
+        if not reader.is_format(path):
+            continue
+        if not hasattr(reader, "recordings"):
+            kind = reader.content(path).kind
+            raise DataError(
+                f"{path}: {kind}, which holds no directions and positions; describe them with --layout FILE"
+            )
+        found: list[Recording] = reader.recordings(path, sounder)
+        return found
     if (what := native.other_kind(path)) is not None:
         raise DataError(f"{path}: holds a {what}, not a recording")
     if path.suffix.lower() != ".mat" and not is_hdf5(path):

@@ -56,6 +56,8 @@ class Recording:
         ``(snapshot, sample)`` for a slice of snapshots.
     kind : {"iq", "cir", "ctf"}
         What the captures are.
+    inputs : tuple of Path
+        Further files that it is read from.
 
     Examples
     --------
@@ -85,6 +87,7 @@ class Recording:
     time: NDArray[np.float64] | None = field(repr=False)
     read: Callable[[int, int, slice], Captures] = field(repr=False)
     kind: Kind = "iq"
+    inputs: tuple[Path, ...] = ()
 
     def captures(self, azimuth_index: int, elevation_index: int, snapshots: slice = slice(None)) -> Captures:
         """Read the captures of one direction: int16 (snapshot, sample, iq) or complex64 (snapshot, sample)."""

@@ -1,5 +1,6 @@
 """Positions in a table of their own, and the back-to-back in a file of its own."""
 
+import json
 from pathlib import Path
 
 import h5py
@@ -7,11 +8,12 @@ import numpy as np
 import pytest
 
 from erm.common.errors import DataError
+from erm.common.storage import provenance
 from sounder.instrument.waveform import held_template
 from sounder.processing.jobs import gather
 from sounder.processing.position import FilterCache
 
-from .captures import AZIMUTH, B2B, ELEVATION, IQ, RX, TX, WAVEFORM
+from .captures import AZIMUTH, B2B, ELEVATION, IQ, RX, SAMPLES, TX, WAVEFORM
 
 LAYOUT = f"""
 scale_factor = 2e-7
@@ -158,3 +160,52 @@ def test_raw_captures_back_to_back_calibrate_impulse_responses_that_were_correla
     assert job.recording.sounder.bandwidth == 0.9 * 1.2e9  # of held chips, not of a sweep
     pulse = FilterCache().get(job)[0].pulse
     assert np.isclose(pulse[0], 1.0)
+
+
+def test_a_row_of_samples_is_cut_into_captures(folder):
+    """Plain int16 with a sidecar: 7 samples of waiting, then captures 300 samples apart."""
+    row = np.zeros((7 + 36 * 300, 2), np.int16)
+    apart = row[7:].reshape(4, 3, 3, 300, 2)
+    apart[:, :, :, :SAMPLES] = IQ[0]
+    (folder / "day1_P1.bin").write_bytes(row[: -(300 - SAMPLES)].tobytes())  # recording ends with the last capture
+    (folder / "day1_P1.bin.toml").write_text('dtype = "int16"\nsamples = "complex"\n[attributes]\ncarrier = 28e9')
+    text = LAYOUT.replace('"raw"', '"samples"\nflat = true\nstart = 7\nstride = 300')
+    (folder / "layout.toml").write_text(text)
+    how = {"calibration": folder / "b2b.h5", "positions": folder / "positions.csv", "layout": folder / "layout.toml"}
+    [job], failures = gather([folder / "day1_P1.bin"], **how)
+    assert failures == []
+    assert job.recording.snapshots == 3
+    for a, e in np.ndindex(4, 3):
+        assert np.array_equal(job.recording.captures(a, e), IQ[0, a, e])
+    assert [path.name for path in job.recording.inputs] == ["day1_P1.bin.toml"]
+    (folder / "layout.toml").write_text(text.replace("\nstart = 7\nstride = 300", ""))
+    _, failures = gather([folder / "day1_P1.bin"], **how)
+    assert "has 10761 samples; expected a multiple of 3048, by the layout" in failures[0]
+
+
+def test_a_folder_of_touchstone_files_is_a_position(folder, tmp_path):
+    sweep = folder / "P1"
+    sweep.mkdir()
+    frequency = np.linspace(27e9, 29e9, 21)
+    for a in AZIMUTH:
+        lines = [f"{f:.0f} 0 0 {a} 1 0 0 0 0" for f in frequency]
+        (sweep / f"{a:g}.s2p").write_text("# Hz S RI R 50\n" + "\n".join(lines))
+    (folder / "vna.toml").write_text(f"""
+[captures]
+kind = "ctf"
+files = "{{azimuth}}.s2p"
+dataset = "s21"
+axes = ["azimuth", "elevation", "frequency"]
+frequency = {{ dataset = "frequency" }}
+[grid]
+azimuth = {{ dataset = "azimuth" }}
+elevation = [0]
+[positions]
+tx = {TX.tolist()}
+rx = {RX[0].tolist()}
+""")
+    [job], failures = gather([sweep], layout=folder / "vna.toml")
+    assert failures == []
+    assert job.recording.captures(2, 0).tolist() == [[AZIMUTH[2] + 1j] * 21]
+    assert (job.recording.name, job.recording.sounder.carrier.frequency) == ("P1", 28e9)
+    assert len(json.loads(provenance("", "", inputs=[sweep])["input_sha256"])["P1"]) == 64
