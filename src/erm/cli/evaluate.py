@@ -103,9 +103,9 @@ def _by_outline(found: Any, faces: Any, mpcs: list[Path], figure: Path | None, a
     if figure:
         from erm.figures import plot_map
 
-        console.save_figure(
-            plot_map(found, table=reconstructed and reconstructed[1], outline=faces, annotated=True), figure
-        )
+        with console.drawing():
+            axes = plot_map(found, table=reconstructed and reconstructed[1], outline=faces, annotated=True)
+            console.save_figure(axes, figure)
     if as_json:
         print(json.dumps(rounded(result), indent=2))
     else:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from erm.common.console import drawing
 from erm.common.outputs import require_folder
 
 
@@ -18,4 +19,5 @@ def letter(out: Annotated[Path, typer.Option(help="Folder for the page, its tabl
     from erm.letter.captures import installed
     from erm.letter.study import run
 
-    print(run(out, installed()))
+    with drawing():
+        print(run(out, installed()))

@@ -131,6 +131,7 @@ def reconstruct(
     console.report_failures(problems)
 
 
+@console.drawing()
 def _draw(environment: "Environment", located: "xr.Dataset", path: Path) -> None:
     from erm.figures import plot_map
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
-from erm.common.errors import DataError, OptionError, unforeseen
+from erm.common.errors import DataError, OptionError, internal_error, with_traceback
 from erm.common.gate import limits
 from erm.common.launch import INTERRUPTED
 from erm.common.printable import printable
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DATA_FAILED, WRONG_USAGE = 1, 2
-"""Exit codes."""
+DATA_FAILED, WRONG_USAGE, INTERNAL = 1, 2, 70
+"""Exit codes; 70 is that of sysexits.h for an internal error."""
 TERMINATED = 128 + signal.SIGTERM
 """Exit code after a request to end, as shells report it."""
 UNDATED = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
@@ -31,9 +31,9 @@ UNDATED = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
 
 
 def run(app: "typer.Typer") -> None:
-    """Run a command line. Exit codes: 0 all done, 1 data failed, 2 wrong usage, 130 after Ctrl-C, 143 after SIGTERM.
+    """Run a command line; errors are printed in one line on stderr.
 
-    Errors are printed in one line on stderr.
+    Exit codes: 0 all done, 1 data failed, 2 wrong usage, 70 error of this software, 130 after Ctrl-C, 143 after SIGTERM.
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
@@ -73,11 +73,12 @@ def _run(app: "typer.Typer") -> int:
         cause = error.__cause__ if isinstance(error, Abort) else error
         if not isinstance(cause, Exception):  # Ctrl-C in versions of typer that do not return 130
             code = INTERRUPTED
-        elif _with_traceback.is_set():
-            raise cause from None  # typer takes the end of a file (EOFError) for the end of typing
-        else:
-            print(unforeseen(cause), file=sys.stderr)
+        elif isinstance(cause, MemoryError):
+            print("the memory of this machine is not enough", file=sys.stderr)
             return DATA_FAILED
+        else:  # typer takes the end of a file (EOFError) for the end of typing
+            print(internal_error(cause), file=sys.stderr)
+            return INTERNAL
     if code == INTERRUPTED:
         print("interrupted; finished files are complete, unfinished ones were removed", file=sys.stderr)
         return TERMINATED if _terminated.is_set() else INTERRUPTED
@@ -97,7 +98,6 @@ def _output_failed(error: OSError) -> int:
     return DATA_FAILED
 
 
-_with_traceback = Event()
 _terminated = Event()
 _interrupted = Event()
 
@@ -145,11 +145,11 @@ def add_options(app: "typer.Typer") -> None:
         virtual: bool = typer.Option(
             False, "--virtual", help="Read virtual HDF5 datasets, whose data are in other files of the folder."
         ),
-        traceback: bool = typer.Option(False, "--traceback", help="Show where an unforeseen error arose."),
+        traceback: bool = typer.Option(False, "--traceback", help="Show where an internal error arose."),
     ) -> None:
         del version
         if traceback:
-            _with_traceback.set()
+            with_traceback.set()
         limits.allow(limits.Limits(int(max_memory * limits.GIB), virtual))
 
 
@@ -174,12 +174,24 @@ def counted(number: int, thing: str) -> str:
     return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
-def report_failures(failures: Sequence[str]) -> None:
-    """Print one line for each failure on stderr, and exit with code 1 if there are any."""
+def report_failures(failures: Sequence[str], *, internal: bool = False) -> None:
+    """Print one line for each failure on stderr, and exit with code 1 if there are any, or 70 if one is ``internal``."""
     for failure in failures:
         print(failure, file=sys.stderr)
     if failures:
-        raise SystemExit(DATA_FAILED)
+        raise SystemExit(INTERNAL if internal else DATA_FAILED)
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Draw in the style of matplotlib itself meanwhile: a matplotlibrc of the caller has no say in files.
+
+    It can decorate a function, too.
+    """
+    from matplotlib import style
+
+    with style.context("default", after_reset=True):
+        yield
 
 
 def save_figure(drawn: "Figure | Axes", path: Path) -> None:

@@ -2,8 +2,12 @@
 
 import traceback
 from pathlib import Path
+from threading import Event
 
 from erm.common.printable import printable
+
+with_traceback = Event()
+"""Set if internal errors are to show their traceback."""
 
 
 class DataError(ValueError):
@@ -25,17 +29,16 @@ class DataError(ValueError):
         super().__init__("\n".join(map(printable, str(message).split("\n"))))
 
 
-def unforeseen(error: BaseException) -> str:
-    """One line for an error that no rule foresaw: a fault of this software, or too little memory."""
-    if isinstance(error, MemoryError):
-        return "the memory of this machine is not enough"
+def internal_error(error: BaseException) -> str:
+    """One line for an error of this software: where it arose, and what to do; after its traceback, if that is wanted."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if "site-packages" not in frame.filename] or frames
     where = f" at {Path(own[-1].filename).name}:{own[-1].lineno}" if own else ""
     text = printable(" ".join(str(error).split()))
+    before = "".join(traceback.format_exception(error)) if with_traceback.is_set() else ""
     return (
-        f"unforeseen {type(error).__name__}{where} ({text}); a fault of this software: please report it with the file "
-        "(--traceback before the command shows more)"
+        f"{before}internal error: {type(error).__name__}{where} ({text}); a fault of this software, not of your file: "
+        "please report it with the output of --traceback, which stands before the command"
     )
 
 

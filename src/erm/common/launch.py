@@ -1,5 +1,6 @@
 """Start a command line so that Ctrl-C also works while it is loading."""
 
+import os
 import sys
 from importlib import import_module
 
@@ -9,6 +10,7 @@ INTERRUPTED = 130
 
 def launch(module: str) -> None:
     """Load a module and run its ``main``."""
+    os.environ["MPLBACKEND"] = "agg"  # notebooks leave theirs to the commands that they start; these draw files only
     try:
         main = import_module(module).main
     except KeyboardInterrupt:

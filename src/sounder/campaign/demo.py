@@ -105,6 +105,7 @@ def _errors(accepted: xr.Dataset, outline: NDArray[np.float64]) -> dict[str, NDA
     }
 
 
+@console.drawing()
 def _draw(
     environment: Environment,
     located: xr.Dataset,

@@ -50,6 +50,8 @@ class CampaignResult:
         Figures of positions, by their product.
     failures, notes : list of str
         One line each.
+    internal : bool
+        Whether a position failed by an error of this software.
     """
 
     campaign: "Campaign"
@@ -65,6 +67,7 @@ class CampaignResult:
     figures: dict[Path, list[Path]] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    internal: bool = False
 
     @property
     def map_figure(self) -> Path:

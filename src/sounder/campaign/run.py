@@ -86,7 +86,7 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
         campaign = load_campaign(campaign)
     out = campaign.out if out is None else Path(out)
     outline = _check_outputs(campaign, out)
-    with locked(out):
+    with locked(out), console.drawing():
         return _run(campaign, out, outline)
 
 
@@ -131,6 +131,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
         environment,
         outline,
         notes=[*outcome.notes, *warnings(environment)],
+        internal=outcome.internal,
     )
     if outline is not None:
         result.score = evaluate_map(environment, outline, (environment, located))

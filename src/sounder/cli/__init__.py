@@ -171,7 +171,8 @@ def process(
             jobs, out, options=options, threads=threads, workers=workers, scheduler=scheduler, progress=advance
         )
     print(f"{out}: {console.counted(len(outcome.products), 'product')}")
-    _report(outcome.notes, [*failures, *outcome.failures, *remarks_on_survey(outcome.products)])
+    failures += [*outcome.failures, *remarks_on_survey(outcome.products)]
+    _report(outcome.notes, failures, internal=outcome.internal)
 
 
 @app.command()
@@ -190,7 +191,7 @@ def run(
     result = run_campaign(campaign, out)
     for line in result.summary:
         print(line)
-    _report(result.notes, result.failures)
+    _report(result.notes, result.failures, internal=result.internal)
 
 
 @app.command()
@@ -295,11 +296,11 @@ def _print_score(summary: dict[str, Any], as_json: bool) -> None:
     )
 
 
-def _report(notes: list[str], failures: list[str]) -> None:
-    """Print notes and failures on stderr, and exit with 1 if anything failed."""
+def _report(notes: list[str], failures: list[str], *, internal: bool = False) -> None:
+    """Print notes and failures on stderr, and exit with 1 or 70 if anything failed."""
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
-    console.report_failures(failures)
+    console.report_failures(failures, internal=internal)
 
 
 def main() -> None:

@@ -54,7 +54,8 @@ def verify(
     else:
         console.show(HEADER, rows(verified.figures))
     if out is not None:
-        console.save_figure(draw_page(verified, known), out)
+        with console.drawing():
+            console.save_figure(draw_page(verified, known), out)
     if history is not None:
         write_history(known, history)
     console.report_failures(

@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
-from erm.common.console import save_figure
+from erm.common.console import drawing, save_figure
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path, open_group
 from sounder.figures import products as figures
@@ -66,6 +66,7 @@ def draw_products(
     return written, failures
 
 
+@drawing()
 def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
     """Draw the DAPS (polar, and over delay and azimuth with the MPCs) and the PDP of a product.
 
@@ -89,6 +90,7 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
     return [_save(figure, path) for figure, path in zip((polar, cartesian, profile), paths, strict=True)]
 
 
+@drawing()
 def draw_elevations(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
     """Draw the DAPS of a product over delay and azimuth, with a panel for each elevation, the highest on top.
 
@@ -122,6 +124,7 @@ def is_up_to_date(paths: Sequence[Path], product: Path) -> bool:
     return all(path.is_file() and path.stat().st_mtime_ns > made for path in paths)
 
 
+@drawing()
 def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -> list[Path]:
     """Draw the DAPS of two products into one polar diagram.
 
@@ -140,6 +143,7 @@ def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -
     return [_save(figure, out / f"{first.stem}_{second.stem}_daps_polar.{suffix}")]
 
 
+@drawing()
 def write_score(score: Score, out: Path, *, suffix: str = "png") -> list[Path]:
     """Write a score: ``paths.csv`` with a row for each true path, and figures over SNR and over separation.
 

@@ -189,4 +189,5 @@ def process(
         failures=merge_failures(failures, sources),
         notes=[note for part in ordered for note in part.notes],
         already=sum(part.already for part in ordered),
+        internal=any(part.internal for part in ordered),
     )

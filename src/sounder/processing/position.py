@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from erm.common.errors import DataError, unforeseen
+from erm.common.errors import DataError, internal_error
 from erm.common.storage import open_group, provenance, sha256, write_product
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.impulse_response import calibrate, impulse_responses
@@ -43,12 +43,15 @@ class Outcome:
         One line for each position that was processed although something was missing.
     already : int
         Number of the products that existed and were kept.
+    internal : bool
+        Whether a position failed by an error of this software.
     """
 
     products: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     already: int = 0
+    internal: bool = False
 
 
 class FilterCache:
@@ -85,7 +88,9 @@ def process_position(
     except DataError as error:
         return Outcome(failures=[str(error)])
     except Exception as error:  # whatever is wrong with one position must not end the others
-        return Outcome(failures=[f"{recording.source}: {recording.name}: {unforeseen(error)}"])
+        where, enough = f"{recording.source}: {recording.name}", not isinstance(error, MemoryError)
+        line = internal_error(error) if enough else "the memory of this machine is not enough"
+        return Outcome(failures=[f"{where}: {line}"], internal=enough)
     return _outcome(job, target, remarks)
 
 

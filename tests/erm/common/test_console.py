@@ -3,13 +3,14 @@
 import signal
 import sys
 from enum import StrEnum
+from threading import Event
 from typing import Annotated
 
 import pytest
 import typer
 from matplotlib.figure import Figure
 
-from erm.common import console
+from erm.common import console, errors
 from erm.common.errors import DataError, OptionError
 
 
@@ -44,20 +45,25 @@ def test_wrong_usage_is_2(capsys):
 
 
 @pytest.mark.parametrize("bug", [ZeroDivisionError, EOFError])  # typer takes the end of a file for Ctrl-D
-def test_another_error_is_one_line_that_says_where(bug, capsys, monkeypatch):
+def test_a_fault_of_this_software_is_one_line_that_says_so_and_70(bug, capsys, monkeypatch):
     def body() -> None:
         raise bug("half\na line")
 
-    assert exit_code(body) == 1
+    assert exit_code(body) == 70
     (line,) = capsys.readouterr().err.split("\n")[-2:-1]  # typer ends the line that was being typed
-    assert line.startswith(f"unforeseen {bug.__name__} at test_console.py:")
-    monkeypatch.setattr(console, "_with_traceback", console.Event())
-    console._with_traceback.set()  # the option --traceback
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command()(body)
-    monkeypatch.setattr(sys, "argv", ["x"])
-    with pytest.raises(bug):
-        console.run(app)
+    assert line.startswith(f"internal error: {bug.__name__} at test_console.py:")
+    monkeypatch.setattr(errors, "with_traceback", Event())
+    errors.with_traceback.set()  # the option --traceback
+    assert exit_code(body) == 70
+    assert "Traceback (most recent call last):\n" in capsys.readouterr().err
+
+
+def test_too_little_memory_is_no_fault(capsys):
+    def body() -> None:
+        raise MemoryError
+
+    assert exit_code(body) == 1
+    assert capsys.readouterr().err == "the memory of this machine is not enough\n"
 
 
 def test_names_do_not_steer_the_terminal(capsys):

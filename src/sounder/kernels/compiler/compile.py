@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numba
+from numba.core.errors import NumbaError
 from numba.extending import overload
 
 from sounder.kernels.compiler.cache import cache_directory, kept_files, numba_caches_in
@@ -78,7 +79,7 @@ class EntryPoint:
         if self.compiled is None:
             with _first_calls:
                 if self.compiled is None:
-                    return self._call_first(arguments)
+                    self.compiled = self._prepared(tuple(map(numba.typeof, arguments)))
         return self.compiled(*arguments)
 
     @property
@@ -86,28 +87,30 @@ class EntryPoint:
         """Types of arguments that it was compiled for."""
         return list(getattr(self.compiled, "signatures", []))
 
-    def _call_first(self, arguments: tuple[Any, ...]) -> Any:
-        """Call it, whatever state the cache is in."""
+    def _prepared(self, signature: tuple[Any, ...]) -> Callable[..., Any]:
+        """Compile it, or load it, whatever state the cache is in."""
+        if numba.config.DISABLE_JIT:
+            return self.function
+        if not kept_files(self.function):
+            _announce()
         try:
-            return self._compile_and_call(arguments, cached=True)
-        except Exception:  # damaged files: unpickling them may raise anything
+            return self._compiled(signature, cached=True)
+        except NumbaError:  # of the kernel itself
+            raise
+        except OSError:  # the disk is full
+            return self._compiled(signature, cached=False)
+        except Exception:  # unpickling what is damaged may raise anything
             for path in kept_files(self.function):
                 path.unlink(missing_ok=True)
-        try:
-            return self._compile_and_call(arguments, cached=True)
-        except Exception:  # files that cannot be written
-            return self._compile_and_call(arguments, cached=False)
+        return self._compiled(signature, cached=True)
 
-    def _compile_and_call(self, arguments: tuple[Any, ...], *, cached: bool) -> Any:
-        if not cached or not kept_files(self.function):
-            _announce()
+    def _compiled(self, signature: tuple[Any, ...], *, cached: bool) -> Callable[..., Any]:
         compiled = self._decorated(cached=cached)
         with _no_garbage_collection():
-            result = compiled(*arguments)
-        self.compiled = compiled
-        return result
+            compiled.compile(signature)
+        return compiled
 
-    def _decorated(self, *, cached: bool) -> Callable[..., Any]:
+    def _decorated(self, *, cached: bool) -> Any:
         directory = cache_directory() if cached else None
         if directory is None:
             return numba.njit(**SETTINGS)(self.function)
@@ -129,7 +132,7 @@ def _no_garbage_collection() -> Iterator[None]:
 
 def _announce() -> None:
     """Say on a terminal, once, what takes so long."""
-    if _announced.is_set() or numba.config.DISABLE_JIT or not sys.stderr.isatty():
+    if _announced.is_set() or not sys.stderr.isatty():
         return
     _announced.set()
     once = "once" if cache_directory() else "at every start: no folder for compiled code can be written"
