@@ -33,7 +33,7 @@ UNDATED = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
 def run(app: "typer.Typer") -> None:
     """Run a command line; errors are printed in one line on stderr.
 
-    Exit codes: 0 all done, 1 data failed, 2 wrong usage, 70 error of this software, 130 after Ctrl-C, 143 after SIGTERM.
+    Exit codes: 0 all done, 1 data failed, 2 wrong usage, 70 internal error, 130 after Ctrl-C, 143 after SIGTERM.
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
@@ -175,7 +175,7 @@ def counted(number: int, thing: str) -> str:
 
 
 def report_failures(failures: Sequence[str], *, internal: bool = False) -> None:
-    """Print one line for each failure on stderr, and exit with code 1 if there are any, or 70 if one is ``internal``."""
+    """Print one line for each failure on stderr, and exit with code 1 if there are any; 70 if one is ``internal``."""
     for failure in failures:
         print(failure, file=sys.stderr)
     if failures:

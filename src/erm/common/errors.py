@@ -30,7 +30,7 @@ class DataError(ValueError):
 
 
 def internal_error(error: BaseException) -> str:
-    """One line for an error of this software: where it arose, and what to do; after its traceback, if that is wanted."""
+    """One line for an error of this software: where it arose, what to do; after its traceback, if that is wanted."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if "site-packages" not in frame.filename] or frames
     where = f" at {Path(own[-1].filename).name}:{own[-1].lineno}" if own else ""

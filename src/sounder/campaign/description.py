@@ -169,6 +169,10 @@ class Campaign(Table):
         """Keep the path of the campaign file."""
         self._source = context
 
+    def processed_by(self, **options: Any) -> Self:
+        """Return the same campaign with other options of `Processing`."""
+        return self.model_copy(update={"processing": self.processing.model_copy(update=options)})
+
     @property
     def source(self) -> Path:
         """Campaign file."""

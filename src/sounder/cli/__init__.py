@@ -181,14 +181,23 @@ def run(
     out: Annotated[
         Path | None, typer.Option(help="Folder for all outputs. Default: the campaign file without its suffix.")
     ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes on this machine. Default: processing.workers of the campaign.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Running dask scheduler. Default: processing.scheduler of the campaign.")
+    ] = None,
 ) -> None:
     """Make products, tables, map, figures and report of a campaign.
 
     Existing products are kept if their input files and options are the same.
     """
+    from sounder.campaign.description import load_campaign
     from sounder.campaign.run import run_campaign
 
-    result = run_campaign(campaign, out)
+    chosen = {"workers": workers, "scheduler": scheduler}
+    given = {name: value for name, value in chosen.items() if value is not None}
+    result = run_campaign(load_campaign(campaign).processed_by(**given), out)
     for line in result.summary:
         print(line)
     _report(result.notes, result.failures, internal=result.internal)

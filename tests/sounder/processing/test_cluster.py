@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 from sounder.options import Options
+from sounder.processing import cluster as dask_cluster
 from sounder.processing.jobs import gather
 from sounder.processing.pipeline import process
 from sounder.recordings.writer import write_back_to_back, write_recording
@@ -64,11 +65,17 @@ def require_same(outcome, alone):
 
 
 @pytest.mark.slow
-def test_a_scheduler_s_workers_make_the_same_bytes(jobs, alone, cluster, tmp_path):
-    outcome = process(jobs, tmp_path / "out", options=OPTIONS, scheduler=cluster.scheduler_address)
+def test_a_scheduler_s_workers_make_the_same_bytes_of_paths_in_this_folder(jobs, alone, cluster, monkeypatch):
+    folder = jobs[0].source.path.parent
+    monkeypatch.chdir(folder)  # the workers run in another one
+    relative, _ = gather([job.source.path.name for job in jobs], calibration="b2b.h5")
+    outcome = process(relative, "out", options=OPTIONS, scheduler=cluster.scheduler_address)
     assert len(outcome.products) == 8
     assert len(outcome.failures) == 1
-    assert "P4" in outcome.failures[0]
+    assert outcome.failures[0].startswith("P4.h5: ")
+    outcome.failures, outcome.notes = (
+        [f"{folder}/{line}" for line in lines] for lines in (outcome.failures, outcome.notes)
+    )
     require_same(outcome, alone)
 
 
@@ -91,6 +98,26 @@ def test_a_worker_killed_midway_costs_no_more_than_a_second_try(jobs, alone, clu
     assert workers() != before
     require_same(outcome, alone)
     assert list(Path(tmp_path / "out").glob(".*")) == []  # what the lost worker had begun
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_gone_costs_one_line_and_a_second_run_the_rest(jobs, alone, tmp_path):
+    with distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=":0", silence_logs=50) as cluster:
+        address = cluster.scheduler_address
+        outcome = process(jobs, tmp_path / "out", options=OPTIONS, scheduler=address, progress=cluster.close)
+    (failure,) = outcome.failures
+    assert failure.startswith("dask: the scheduler is gone; complete products are kept")
+    assert 1 <= len(outcome.products) < 8
+    again = process(jobs, tmp_path / "out", options=OPTIONS, resume=True)
+    assert again.already >= len(outcome.products)
+    require_same(again, alone)
+
+
+def test_a_worker_of_another_version_makes_nothing(jobs, tmp_path):
+    others = dask_cluster._versions() | {"numpy": "0.0"}
+    outcome = dask_cluster._work(others, jobs[0].source, tmp_path / "P0.h5", OPTIONS, 1)
+    assert not outcome.products
+    assert "; expected 0.0 as here" in outcome.failures[0]
 
 
 @pytest.mark.slow

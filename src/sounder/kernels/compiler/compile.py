@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numba
-from numba.core.errors import NumbaError
 from numba.extending import overload
 
 from sounder.kernels.compiler.cache import cache_directory, kept_files, numba_caches_in
@@ -95,7 +94,7 @@ class EntryPoint:
             _announce()
         try:
             return self._compiled(signature, cached=True)
-        except NumbaError:  # of the kernel itself
+        except numba.NumbaError:  # of the kernel itself
             raise
         except OSError:  # the disk is full
             return self._compiled(signature, cached=False)
