@@ -87,7 +87,9 @@ def bundle_walls(
         free_paths = problem.without_errors(rest, positions.updated(found))
         possible = np.isfinite(free_paths.virtual_anchors()[:, 0])  # longer than the direct path
         search = ChainSearch(walls, free_paths.take(possible), max_gap)
-        before, sets = chains, search.find(lines, joint)
+        # found without the errors of positions, adjusted as they were measured
+        before = chains
+        sets = [one._replace(paths=measured.take(one.paths.row)) for one in search.find(lines, joint)]
         chains = concatenate_rows(one.paths.row for one in sets)
         if np.array_equal(chains, before):
             break

@@ -9,14 +9,19 @@ residuals in standard errors and ``z`` the errors of positions in units of their
 ``rho`` Huber's function. The transmitters are exact: they fix where the map is. The standard deviations of the
 receivers' coordinates fix how it is turned. Positions are eliminated (`erm.survey.schur`).
 
-Standard deviations that nobody gave, and scales of standard errors that are too small, are variance components. With
-``r`` the redundancy of a group, its number of observations less the parameters that they determine, each step
-multiplies its variance by ``sum e**2 / r``. A standard deviation is 0 unless data speak for it.
+Scales of standard errors that are too small are variance components. With ``r`` the redundancy of a group, its number
+of observations less the parameters that they determine, each step multiplies its variance by ``sum e**2 / r``.
+
+A standard deviation that nobody gave is uncertain, too. All other measurements show the error of one position to
+``x +- s``. Over its unknown size ``t`` the variance is the mean of ``t**2``, with the likelihood
+``prod N(x; 0, t**2 + s**2)``. The most likely value would often be 0 where an error is merely shown badly, and errors
+that look alike, of clocks and of places along a street, would then be stated as those of one kind.
 
 References
 ----------
 Förstner, Ein Verfahren zur Schätzung von Varianz- und Kovarianzkomponenten (1979). Huber, Robust Statistics (1981),
-section 6.7 (Proposal 2). Triggs et al., Bundle adjustment, a modern synthesis (2000).
+section 6.7 (Proposal 2). Gelman, Prior distributions for variance
+parameters in hierarchical models (2006). Triggs et al., Bundle adjustment, a modern synthesis (2000).
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +32,7 @@ from scipy.special import ndtr
 
 from erm.geometry.chains import NO_FACE
 from erm.geometry.vertical import FloatArray
-from erm.mpcs.standard_errors import MIN_LOG_ODDS, MIN_SCALE
+from erm.mpcs.standard_errors import MIN_SCALE
 from erm.survey.residuals import AZIMUTH, CLOCK, HEADING, LENGTH, BoolArray, Faces, MeasuredPaths, residuals
 from erm.survey.schur import BLOCK, NormalEquations, Solution, normal_equations, solve, total
 
@@ -45,14 +50,17 @@ MAX_STEPS = 60
 STEP_TOLERANCE = 1e-3
 """Step in standard errors, and relative change of a variance, below which the adjustment has converged."""
 FIRST_STD = (0.5, 5.0, 0.3)
-"""First standard deviations of coordinates [m], heading [degree] and clock [m] where none is given: those of a bad
-survey, for variances are found faster from above."""
+"""Standard deviations of coordinates [m], heading [degree] and clock [m] of a bad survey, where none is given."""
+TRIED = np.geomspace(1e-3, 10.0, 41)
+"""Sizes of errors relative to a bad survey: from better than any instrument to worse than any use."""
+PRIOR = TRIED / (1 + TRIED**2)
+"""Their weights before any measurement: half-Cauchy, which is flat near 0 (Gelman 2006), on a grid of logarithms."""
 COMMON_PRIOR = (180.0, 1e4)
 """Standard deviations of common heading [degree] and clock [m] before any measurement."""
 MIN_REDUNDANCY = 6.0
 """Redundancy below which a scale of errors is not estimated. Chosen; not derived."""
 EPSILON = 1e-12
-"""Share of redundancy that rounding leaves."""
+"""Share of a variance that rounding leaves."""
 GROUPS = ((0, 1), (HEADING,), (CLOCK,))
 """Errors of a position that have one standard deviation: coordinates, heading, clock."""
 
@@ -216,7 +224,7 @@ def adjust(
     positions : int
         Number of positions. A position without paths keeps its errors at 0, to its standard deviations.
     given : SurveyStd
-        Standard deviations of survey errors. Those not given are estimated, and 0 unless the data show errors.
+        Standard deviations of survey errors. Those not given are estimated.
     common : bool
         Whether all positions share an unknown error of heading and of clock.
     errors_known : bool
@@ -250,71 +258,61 @@ def adjust(
     if start is not None:
         own = start.errors - np.r_[0.0, 0.0, start.common]
         state = replace(state, common=start.common, own=own, std=start.std, scale=start.scale)
-    while True:
-        state, solution, value, likelihood_ratio = _converged(problem, state, free, errors_known=errors_known)
-        unsupported = free & (state.std > 0) & (likelihood_ratio < MIN_LOG_ODDS)
-        if not unsupported.any():
-            return _result(problem, state, solution, value)
-        # one at a time: errors that look alike share what speaks for them
-        least = int(np.argmin(np.where(unsupported, likelihood_ratio, np.inf)))
-        state = replace(state, std=np.where(np.arange(3) == least, 0.0, state.std))
-        state.own[:, GROUPS[least]] = 0.0
+    return _result(problem, *_converged(problem, state, free, errors_known=errors_known))
 
 
 def _converged(
     problem: _Problem, state: _State, free: BoolArray, *, errors_known: bool
-) -> tuple[_State, Solution, FloatArray, FloatArray]:
-    """State after the last step, its solution and residuals; log-likelihood ratio (3,) for each of the variances."""
+) -> tuple[_State, Solution, FloatArray]:
+    """State after the last step, its solution and residuals."""
     for _ in range(MAX_STEPS):
         parts, value = problem.equations(state)
         solution = problem.solve(parts, state)
         moved = problem.stepped(state, solution)
-        std, scale, ratio = _variance_components(moved, solution, value, parts, free, errors_known=errors_known)
-        before = state
-        change = np.abs(
-            np.r_[std - state.std, scale - state.scale] / np.r_[np.maximum(state.std, EPSILON), state.scale]
-        ).max()
+        std = _survey_std(moved, solution, free)
+        scale = _scales(state, solution, value, parts, errors_known=errors_known)
+        change = np.abs(np.log(np.r_[scale / state.scale, std[free] / state.std[free]])).max()
         size = np.abs(solution.shared) / np.sqrt(np.diag(solution.shared_covariance))
         step = max(size.max(initial=0.0), np.abs(solution.block).max(initial=0.0))
         state = replace(moved, std=std, scale=scale)
-        fades = free & (std < before.std) & (ratio < MIN_LOG_ODDS)
-        if max(change, step) < STEP_TOLERANCE or fades.any():
+        if max(change, step) < STEP_TOLERANCE:
             break
     parts, value = problem.equations(state)
-    return state, problem.solve(parts, state), value, ratio
+    return state, problem.solve(parts, state), value
 
 
-def _variance_components(
-    state: _State,
-    solution: Solution,
-    value: FloatArray,
-    parts: list[NormalEquations],
-    free: BoolArray,
-    *,
-    errors_known: bool,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Standard deviations (3,) and scales (2,) after a step, and what speaks for each of the former.
+def _survey_std(state: _State, solution: Solution, free: BoolArray) -> FloatArray:
+    """Standard deviations (3,) of survey errors after a step.
 
-    If ``n`` positions determine an error equally well, to ``s``, and ``rho`` is the redundancy of its prior over ``n``,
-    then ``rho = v / (v + s**2)`` for the most likely variance ``v``. Its log-likelihood exceeds that of ``v = 0`` by
-    ``n / 2 (rho / (1 - rho) + ln(1 - rho))``.
+    The posterior variance ``v`` and mean ``z`` of an error, both in units of its standard deviation ``t``, tell what the
+    measurements show without the prior: ``s**2 = t**2 v / (1 - v)`` and ``x = t z / (1 - v)``.
     """
     posterior = np.diagonal(solution.block_covariance(), axis1=1, axis2=2)
-    own = np.divide(state.own, by_error(state.std), out=np.zeros_like(state.own), where=by_error(state.std) > 0)
-    std, ratio = state.std.copy(), np.zeros(3)
-    for number, group in enumerate(GROUPS):
-        redundancy = float(np.sum(1 - posterior[:, group]))
-        if free[number] and std[number] > 0 and redundancy > 0:
-            std[number] *= np.sqrt(np.sum(own[:, group] ** 2) / redundancy)
-            rho = min(redundancy / (len(own) * len(group)), 1 - EPSILON)
-            ratio[number] = len(own) * len(group) / 2 * (rho / (1 - rho) + np.log1p(-rho))
+    std = state.std.copy()
+    for number in np.flatnonzero(free).tolist():
+        group = GROUPS[number]
+        shown = np.maximum(1 - posterior[:, group].ravel(), EPSILON)
+        variance = std[number] ** 2 * (1 - shown) / shown
+        error = state.own[:, group].ravel() / shown
+        tried = (TRIED * FIRST_STD[number]) ** 2
+        total_variance = tried[:, None] + variance
+        log_likelihood = -0.5 * np.sum(np.log(total_variance) + error**2 / total_variance, axis=1)
+        weight = PRIOR * np.exp(log_likelihood - log_likelihood.max())
+        std[number] = np.sqrt(weight @ tried / weight.sum())
+    return std
+
+
+def _scales(
+    state: _State, solution: Solution, value: FloatArray, parts: list[NormalEquations], *, errors_known: bool
+) -> FloatArray:
+    """Scales (2,) of the standard errors of lengths and azimuths after a step."""
     scale = state.scale.copy()
     for kind, part in enumerate(parts):
         redundancy = len(value) - solution.trace(part.scaled(by_error(state.std))) / state.scale[kind] ** 2
         if redundancy > MIN_REDUNDANCY:
             clipped = np.minimum(np.abs(value[:, kind]) / state.scale[kind], HUBER_THRESHOLD)
             scale[kind] *= np.sqrt(np.sum(clipped**2) / (PSI_SQUARED * redundancy))
-    return std, np.maximum(scale, 1.0 if errors_known else MIN_SCALE), ratio
+    return np.maximum(scale, 1.0 if errors_known else MIN_SCALE)
 
 
 def _result(problem: _Problem, state: _State, solution: Solution, value: FloatArray) -> Bundle:

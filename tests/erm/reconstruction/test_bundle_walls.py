@@ -14,6 +14,8 @@ from erm.reconstruction.decision.chains import predict_chains
 from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.loss import reflection_loss
 from erm.reconstruction.reconstruct import reconstruct
+from erm.reconstruction.rounds import reconstruct_survey
+from erm.survey.bundle import SurveyStd
 
 from .bounces import FREQUENCY, bounces, joined
 
@@ -125,3 +127,18 @@ def test_images_of_two_walls_are_images_of_images():
     found = predict_chains(TX[None], rx, np.array([[0, 1]]), lines)
     horizontal = np.linalg.norm(image - rx[0, :2])
     assert found.length[0] == pytest.approx(np.hypot(horizontal, 10.5))
+
+
+def test_chains_do_not_pull_positions():
+    table = street(1e-10, 0.5, 1, count=16)
+    moved = 0.2 * np.random.default_rng(2).standard_normal((16, 2))
+    rx, number = np.unique(table["rx_position"].values, axis=0, return_inverse=True)
+    surveyed = table["rx_position"].values.copy()
+    surveyed[:, :2] += moved[number.ravel()]
+    table = table.assign(rx_position=(("mpc", "xyz"), surveyed))
+    _, located = reconstruct_survey(table, SurveyStd(0.2, 0.0, 0.0), common=False)
+    place = located["survey_rx"].values[:, None, :2]
+    nearest = np.argmin(np.linalg.norm(place - rx[:, :2], axis=-1), axis=1)
+    apart = located["survey_rx"].values[:, :2] - rx[nearest, :2]
+    # 32 normalised errors: their mean square is 1, to 0.25
+    assert np.mean((apart / located["survey_rx_std"].values) ** 2) < 1.75
