@@ -284,8 +284,8 @@ def _converged(
 def _survey_std(state: _State, solution: Solution, free: BoolArray) -> FloatArray:
     """Standard deviations (3,) of survey errors after a step.
 
-    The posterior variance ``v`` and mean ``z`` of an error, both in units of its standard deviation ``t``, tell what the
-    measurements show without the prior: ``s**2 = t**2 v / (1 - v)`` and ``x = t z / (1 - v)``.
+    The posterior variance ``v`` and mean ``z`` of an error, both in units of its standard deviation ``t``, tell what
+    the measurements show without the prior: ``s**2 = t**2 v / (1 - v)`` and ``x = t z / (1 - v)``.
     """
     posterior = np.diagonal(solution.block_covariance(), axis1=1, axis2=2)
     std = state.std.copy()
