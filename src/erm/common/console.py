@@ -197,12 +197,14 @@ def drawing() -> Iterator[None]:
 def save_figure(drawn: "Figure | Axes", path: Path) -> None:
     """Save a figure, or the figure of some axes. The file is written completely or not at all.
 
+    The margins are cut to what is drawn. For that matplotlib draws a figure with a layout twice, and others once.
+
     Raises
     ------
     DataError
         The suffix is not a known format, or the folder cannot be written to.
     """
-    from matplotlib import rc_context
+    from matplotlib import rc_context, rcParams
 
     figure = drawn.get_figure(root=True)
     if figure is None:
@@ -210,7 +212,10 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
     # parts of an SVG have random names without a salt
     with atomic_path(path) as temporary, rc_context({"svg.hashsalt": path.name}):
         try:
-            figure.savefig(temporary, dpi=160, bbox_inches="tight", metadata=UNDATED.get(path.suffix.lower()))
+            box = (
+                "tight" if figure.get_layout_engine() else figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
+            )
+            figure.savefig(temporary, dpi=160, bbox_inches=box, metadata=UNDATED.get(path.suffix.lower()))
         except ValueError as error:
             raise DataError(f"{path}: {error}") from None
 

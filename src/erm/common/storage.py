@@ -168,14 +168,22 @@ def open_group(path: Path | str, group: str = "/", expected: str = "a product of
     DataError
         The file is missing, is not HDF5, is damaged, or has no such group.
     """
+    return open_groups(path, group, expected=expected)[0]
+
+
+def open_groups(path: Path | str, *groups: str, expected: str = "a product of this software") -> "list[xr.Dataset]":
+    """Load groups of a product into memory, as :func:`open_group` does; the file is opened once."""
     path = Path(path)
-    with open_hdf5(path, expected) as file:
-        found = _require_group(file, group, expected)
-        require_members(file, group)
-        with refused(path):
-            dataset = read_group(found)
-            dataset.attrs.pop(MEMBERS, None)  # of this file, not of what is made from it
-            return dataset
+    with open_hdf5(path, expected) as file, refused(path):
+        return [_load_group(file, group, expected) for group in groups]
+
+
+def _load_group(file: Group, name: str, expected: str) -> "xr.Dataset":
+    found = _require_group(file, name, expected)
+    require_members(file, name)
+    dataset = read_group(found)
+    dataset.attrs.pop(MEMBERS, None)  # of this file, not of what is made from it
+    return dataset
 
 
 def _require_group(file: Group, name: str, expected: str) -> Group:

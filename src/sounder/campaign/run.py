@@ -1,6 +1,7 @@
 """Run of a campaign: from its recordings to products, MPC table, map, figures and report."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,8 @@ from sounder.campaign.result import (
     map_figure,
 )
 from sounder.campaign.survey import remarks_on_survey
-from sounder.figures.files import draw_product, figure_paths, is_up_to_date
+from sounder.figures.files import figure_paths, is_up_to_date
+from sounder.figures.processes import each_drawn
 from sounder.parameters.statistics import campaign_statistics
 from sounder.processing.channel_parameters import channel_parameters
 from sounder.processing.parameter_tables import write_parameters, write_statistics
@@ -94,8 +96,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
     jobs, failures = campaign.jobs(out)
     outputs = _outputs(campaign, out)
     protect_inputs(outputs, {*campaign.inputs, *(job.recording.source for job in jobs)})
-    page = Page(out, REPORT)
-    page.remove_outdated()
+    Page(out, REPORT).remove_outdated()
     for path in outputs:
         clear_leftovers(path)
     processing = campaign.processing
@@ -135,9 +136,13 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
     )
     if outline is not None:
         result.score = evaluate_map(environment, outline, (environment, located))
-    result.failures = [*failures, *problems, *remarks_on_survey(outcome.products), *_draw(result)]
-    fill_page(result, page)
-    page.write()
+    missing = _figures_to_draw(result)
+    result.failures = [*failures, *problems, *remarks_on_survey(outcome.products), *_unknown_positions(result)]
+    _draw_map(result)
+    _write_page(result)  # before the figures of positions, which take the most time
+    if failed := _draw(result, missing):
+        result.failures += failed
+        _write_page(result)
     return result
 
 
@@ -189,37 +194,56 @@ def _make_map(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -
     return replace(environment, georeference=options.georeference), located
 
 
-def _draw(result: CampaignResult) -> list[str]:
-    """Draw the map, and the positions that the campaign lists; return failures."""
-    figures, source = result.campaign.figures, result.campaign.source
-    names = {product: str(root["position"].item()) for product, root in result.products.items()}
-    wanted = [product for product, name in names.items() if figures.wanted(name)]
+def _write_page(result: CampaignResult) -> None:
+    page = Page(result.out, REPORT)
+    fill_page(result, page)
+    page.write()
+
+
+def _figures_to_draw(result: CampaignResult) -> list[Path]:
+    """List the figures of the positions that the campaign asks for; return the products whose are missing.
+
+    Outdated figures are removed, so that the page never shows figures of another run.
+    """
+    figures = result.campaign.figures
+    missing = []
+    for product, root in result.products.items():
+        if not figures.wanted(str(root["position"].item())):
+            continue
+        paths = result.figures[product] = figure_paths(product, result.out / FIGURES, suffix=figures.format)
+        if not is_up_to_date(paths, product):
+            missing.append(product)
+            for path in paths:
+                clear_leftovers(path)
+                with suppress(OSError):
+                    path.unlink()
+    return missing
+
+
+def _unknown_positions(result: CampaignResult) -> list[str]:
+    """One line for each position whose figures are asked for and that was not processed."""
+    asked, source = result.campaign.figures.positions, result.campaign.source
+    names = {str(root["position"].item()) for root in result.products.values()}
+    unknown = [name for name in asked if name not in names] if isinstance(asked, tuple) else []
+    return [f"{source}: figures.positions: {name} is not a processed position" for name in unknown]
+
+
+def _draw(result: CampaignResult, products: Sequence[Path]) -> list[str]:
+    """Draw the figures of products; return failures."""
     failures = []
-    with console.progress("drawing", len(wanted) + 1) as advance:
-        _draw_map(result)
-        advance()
-        for product in wanted:
-            try:
-                result.figures[product] = _draw_position(product, result.out / FIGURES, figures.format)
-            except DataError as error:
-                failures.append(str(error))
-            advance()
-    if isinstance(figures.positions, tuple):
-        unknown = [name for name in figures.positions if name not in names.values()]
-        failures += [f"{source}: figures.positions: {name} is not a processed position" for name in unknown]
+    try:
+        with console.progress("drawing", len(products)) as advance:
+            for _, failure in each_drawn(products, result.out / FIGURES, suffix=result.campaign.figures.format):
+                failures += [failure] if failure else []
+                advance()
+    except DataError as error:
+        failures.append(str(error))
+    result.figures = {product: paths for product, paths in result.figures.items() if is_up_to_date(paths, product)}
     return failures
 
 
 def _draw_map(result: CampaignResult) -> None:
-    axes = Figure(figsize=(7.0, 6.0), layout="constrained").add_subplot()
+    axes = Figure(figsize=(7.0, 6.0)).add_subplot()
     numbers = [str(i) for i in range(result.environment.reflectors.sizes["reflector"])]
     plot_map(result.environment, table=result.located, outline=result.outline, names=numbers, annotated=True, ax=axes)
     console.save_figure(axes, result.map_figure)
-
-
-def _draw_position(product: Path, out: Path, suffix: str) -> list[Path]:
-    """Figures of a product; those that are up to date are kept."""
-    paths = figure_paths(product, out, suffix=suffix)
-    for path in paths:
-        clear_leftovers(path)
-    return paths if is_up_to_date(paths, product) else draw_product(product, out, suffix=suffix)

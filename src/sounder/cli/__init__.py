@@ -217,7 +217,7 @@ def figures(
 
     The DAPS is drawn twice: as a polar diagram, and over delay and azimuth with the MPCs.
     """
-    from sounder.figures.files import draw_products
+    from sounder.figures.processes import draw_products
 
     if overlay and len(products) != 2:
         raise typer.BadParameter(f"--overlay needs two products, got {len(products)}")

@@ -1,69 +1,21 @@
 """Figures of products and scores, drawn into files."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
-import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from erm.common.console import drawing, save_figure
-from erm.common.errors import DataError
-from erm.common.storage import atomic_path, open_group
+from erm.common.storage import atomic_path, open_groups
 from sounder.figures import products as figures
 from sounder.figures import score as score_figures
 from sounder.mpc.score import Score
 
 KINDS = ("daps_polar", "daps", "pdp")
 """Figures of a product, as their files are named."""
-
-
-def draw_products(
-    products: Sequence[Path],
-    out: Path,
-    *,
-    suffix: str = "png",
-    overlay: bool = False,
-    elevations: bool = False,
-    progress: Callable[[], None] | None = None,
-) -> tuple[list[Path], list[str]]:
-    """Draw the figures of products.
-
-    Parameters
-    ----------
-    products : sequence of Path
-    out : Path
-        Folder.
-    suffix : str
-        Format of the figures.
-    overlay : bool
-        Also draw the DAPS of the two products into one polar diagram.
-    elevations : bool
-        Also draw the DAPS with a panel for each elevation.
-    progress : callable, optional
-        Called after each product.
-
-    Returns
-    -------
-    written : list of Path
-    failures : list of str
-        One line for each product that cannot be drawn.
-    """
-    written: list[Path] = []
-    failures: list[str] = []
-    for product in products:
-        try:
-            written += draw_product(product, out, suffix=suffix)
-            written += draw_elevations(product, out, suffix=suffix) if elevations else []
-        except DataError as error:
-            failures.append(str(error))
-        if progress is not None:
-            progress()
-    if overlay and not failures:
-        written += draw_overlay(products[0], products[1], out, suffix=suffix)
-    return written, failures
 
 
 @drawing()
@@ -80,9 +32,8 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
     DataError
         The file is not a product, or the folder cannot be written to.
     """
-    name, daps = _daps(product)
-    mpc = open_group(product, "/mpc")
-    polar, cartesian, profile = (Figure(figsize=(5.6, height), layout="constrained") for height in (4.2, 3.4, 3.2))
+    name, daps, mpc = _groups(product, "/mpc")
+    polar, cartesian, profile = (Figure(figsize=(5.6, height)) for height in (4.2, 3.4, 3.2))
     figures.daps_polar([(name, daps)], _polar(polar))
     figures.daps_cartesian(daps, cartesian.add_subplot(title=name), mpc=mpc)
     figures.pdp([(name, daps)], profile.add_subplot())
@@ -104,7 +55,7 @@ def draw_elevations(product: Path, out: Path, *, suffix: str = "png") -> list[Pa
     DataError
         The file is not a product, or the folder cannot be written to.
     """
-    name, daps = _daps(product)
+    name, daps = _groups(product)
     angles = np.sort(daps["elevation"].values)[::-1]
     figure = Figure(figsize=(5.6, 2.6 * len(angles)), layout="constrained")
     for angle, ax in zip(angles, np.ravel(figure.subplots(len(angles), 1, sharex=True)), strict=True):
@@ -139,7 +90,7 @@ def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -
         A file is not a product, or the folder cannot be written to.
     """
     figure = Figure(figsize=(6.6, 4.2), layout="constrained")
-    figures.daps_polar([_daps(first), _daps(second)], _polar(figure))
+    figures.daps_polar([_groups(first), _groups(second)], _polar(figure))
     return [_save(figure, out / f"{first.stem}_{second.stem}_daps_polar.{suffix}")]
 
 
@@ -174,10 +125,11 @@ def write_score(score: Score, out: Path, *, suffix: str = "png") -> list[Path]:
     return written
 
 
-def _daps(product: Path) -> tuple[str, xr.Dataset]:
-    # opened first: its error says what is wrong with other files
-    daps = open_group(product, "/daps", "a product of `sounder process`")
-    return str(open_group(product)["position"].values[0]), daps
+def _groups(product: Path, *others: str) -> tuple[Any, ...]:
+    """Name of the position, group ``/daps``, and other groups."""
+    # the DAPS first: its error says what is wrong with other files
+    daps, root, *rest = open_groups(product, "/daps", "/", *others, expected="a product of `sounder process`")
+    return str(root["position"].values[0]), daps, *rest
 
 
 def _polar(figure: Figure) -> PolarAxes:

@@ -1,8 +1,13 @@
 """`sounder figures`: a picture of every product, and of two together."""
 
+import subprocess
+
 import pytest
 
-from .commands import names, run
+from erm.common.errors import DataError
+from sounder.figures import processes
+
+from .commands import digest, names, run
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg"])
@@ -29,3 +34,25 @@ def test_figures_name_what_is_no_product_and_draw_the_rest(campaign, products, t
 def test_a_panel_for_each_elevation_on_request(products, tmp_path):
     assert run("figures", products / "RX1.h5", "--elevations", "--out", tmp_path / "out") == 0
     assert (tmp_path / "out" / "RX1_elevations.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_several_processes_draw_the_same_as_this_one(campaign, products, tmp_path, monkeypatch):
+    wanted = [campaign / "raw" / "RX1.h5", products / "RX1.h5"]
+    alone = list(processes.each_drawn(wanted, tmp_path / "alone"))
+    monkeypatch.setattr(processes, "PRODUCTS_PER_PROCESS", 1)
+    monkeypatch.setattr(processes, "processors", lambda: 2)
+    shared = list(processes.each_drawn(wanted, tmp_path / "shared"))
+    assert [len(drawn) for drawn, _ in shared] == [0, 3]
+    assert [failure for _, failure in shared] == [failure for _, failure in alone]
+    assert "raw" in alone[0][1]
+    assert digest(tmp_path / "shared") == digest(tmp_path / "alone")
+
+
+def test_a_process_that_was_killed_is_reported(tmp_path, monkeypatch):
+    monkeypatch.setattr(processes, "PRODUCTS_PER_PROCESS", 1)
+    monkeypatch.setattr(processes, "processors", lambda: 2)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    monkeypatch.setattr(processes.confined, "start", lambda *_: subprocess.Popen(["true"], **pipes))
+    with pytest.raises(DataError, match=r"RX1\.h5: not drawn .* draw it again"):
+        list(processes.each_drawn([tmp_path / "RX1.h5", tmp_path / "RX2.h5"], tmp_path))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from erm.common.storage import open_group
+from sounder.campaign import run as campaign_run
 from sounder.figures.files import is_up_to_date
 from sounder.processing import pipeline
 from sounder.processing.jobs import gather
@@ -130,6 +131,25 @@ def test_what_exists_is_not_made_again(made, capsys):
     after["figures"].pop("map.png")
     assert after == before
     assert digest(out) == whole
+
+
+@pytest.mark.slow
+def test_the_page_is_there_before_figures_and_says_afterwards_which_failed(made, copied, monkeypatch, capsys):
+    def drawing(products, out, *, suffix):
+        page = (out.parent / "report.md").read_text(encoding="utf-8")
+        assert "![PDP of RX2](figures/RX2_pdp.png)" in page
+        assert names(out) == ["map.png"]  # those of an older product are gone
+        yield [], "RX2.h5: no room for figures"
+
+    shutil.copytree(made / "street", copied / "street")
+    os.utime(copied / "street" / "figures" / "RX2_pdp.png", (1, 1))
+    shutil.copy(made / "street.toml", copied)
+    monkeypatch.setattr(campaign_run, "each_drawn", drawing)
+    assert run("run", copied / "street.toml") == 1
+    assert capsys.readouterr().err == "RX2.h5: no room for figures\n"
+    page = (copied / "street" / "report.md").read_text(encoding="utf-8")
+    assert "## What failed\n\n- RX2.h5: no room for figures\n" in page
+    assert "PDP of RX2" not in page
 
 
 @pytest.mark.slow

@@ -1,0 +1,143 @@
+"""Figures of many products, drawn by as many processes as there are processors.
+
+matplotlib takes one processor. Each process is a Python of its own that reads lines of JSON, what to draw, and answers
+each with one. It is no fork, which would inherit the locks of threads, and no child of multiprocessing, which would run
+the script of the caller again. It ends with its input, so also if the process that started it is killed.
+"""
+
+import json
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from dataclasses import asdict
+from pathlib import Path
+from queue import SimpleQueue
+from subprocess import Popen
+
+from erm.common.errors import DataError
+from erm.common.gate import confined, limits
+from sounder.figures.files import draw_elevations, draw_overlay, draw_product
+from sounder.kernels.compiler.machine import processors
+
+PRODUCTS_PER_PROCESS = 8
+"""Fewest products for each process: at least twice as many as are drawn while one starts, by
+benchmarks/figures.py. With fewer it would gain less than it costs."""
+
+Order = tuple[str, str, str, bool]
+"""Product, folder, format, and whether also each elevation is drawn."""
+
+
+def draw_products(
+    products: Sequence[Path],
+    out: Path,
+    *,
+    suffix: str = "png",
+    overlay: bool = False,
+    elevations: bool = False,
+    progress: Callable[[], None] | None = None,
+) -> tuple[list[Path], list[str]]:
+    """Draw the figures of products.
+
+    Parameters
+    ----------
+    products : sequence of Path
+    out : Path
+        Folder.
+    suffix : str
+        Format of the figures.
+    overlay : bool
+        Also draw the DAPS of the two products into one polar diagram.
+    elevations : bool
+        Also draw the DAPS with a panel for each elevation.
+    progress : callable, optional
+        Called after each product.
+
+    Returns
+    -------
+    written : list of Path
+    failures : list of str
+        One line for each product that cannot be drawn.
+
+    Raises
+    ------
+    DataError
+        A process that draws was killed.
+    """
+    written: list[Path] = []
+    failures: list[str] = []
+    for drawn, failure in each_drawn(products, out, suffix=suffix, elevations=elevations):
+        written += drawn
+        failures += [failure] if failure else []
+        if progress is not None:
+            progress()
+    if overlay and not failures:
+        written += draw_overlay(products[0], products[1], out, suffix=suffix)
+    return written, failures
+
+
+def each_drawn(
+    products: Sequence[Path], out: Path, *, suffix: str = "png", elevations: bool = False
+) -> Iterator[tuple[list[Path], str]]:
+    """Draw the figures of products; yield the files of each and what failed, in the order of the products.
+
+    Parameters and errors are those of :func:`draw_products`.
+    """
+    orders: list[Order] = [(str(product), str(out), suffix, elevations) for product in products]
+    count = min(processors(), len(products) // PRODUCTS_PER_PROCESS)
+    if count < 2:
+        yield from map(_draw, orders)
+        return
+    with ExitStack() as stack:
+        idle: SimpleQueue[Popen[bytes]] = SimpleQueue()
+        for _ in range(count):
+            idle.put(stack.enter_context(confined.start(__name__, json.dumps(asdict(limits.current())))))
+        threads = ThreadPoolExecutor(count)
+        try:
+            yield from threads.map(lambda order: _ask(idle, order), orders)
+        finally:  # Ctrl-C too: what is being drawn is completed, the rest is not begun
+            threads.shutdown(cancel_futures=True)
+
+
+def _ask(idle: "SimpleQueue[Popen[bytes]]", order: Order) -> tuple[list[Path], str]:
+    """Have an idle process draw."""
+    process = idle.get()
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        process.stdin.write(json.dumps(order).encode() + b"\n")
+        process.stdin.flush()
+        answer = json.loads(process.stdout.readline())
+    except (OSError, ValueError):
+        with suppress(OSError):
+            process.stdin.close()
+        raise DataError(f"{order[0]}: not drawn (drawing ended in {confined.KILLED}); draw it again") from None
+    finally:
+        idle.put(process)
+    if "error" in answer:
+        raise RuntimeError(answer["error"])
+    return [Path(path) for path in answer["drawn"]], answer["failure"]
+
+
+def _draw(order: Order) -> tuple[list[Path], str]:
+    product, out = map(Path, order[:2])
+    drawn: list[Path] = []
+    try:
+        drawn += draw_product(product, out, suffix=order[2])
+        drawn += draw_elevations(product, out, suffix=order[2]) if order[3] else []
+    except DataError as error:
+        return drawn, str(error)
+    return drawn, ""
+
+
+def main() -> None:
+    """Draw what each line of the input asks for."""
+    limits.allow(limits.Limits(**json.loads(sys.argv[1])))
+    for line in sys.stdin:
+        try:
+            drawn, failure = _draw(json.loads(line))
+            answer = {"drawn": [str(path) for path in drawn], "failure": failure}
+        except Exception:  # the process that asks raises it
+            answer = {"error": traceback.format_exc()}
+        print(json.dumps(answer), flush=True)
