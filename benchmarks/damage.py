@@ -161,10 +161,10 @@ def zeros(x: Samples, rng: np.random.Generator) -> Samples:
 
 
 def stuck(made: Draw, rng: np.random.Generator, where: list[tuple[int, int]]) -> Recording:
-    """The horn stays where it was one azimuth before; noise and gain are those of the direction."""
+    """What was recorded one azimuth before is recorded again, again and again where it sticks for longer."""
     captures, gain = made.captures.copy(), made.recording.agc_gain.copy()
-    for a, e in where:
-        captures[a, e], gain[a, e] = made.captures[a - 1, e], made.recording.agc_gain[a - 1, e]
+    for a, e in sorted(where):
+        captures[a, e], gain[a, e] = captures[a - 1, e], gain[a - 1, e]
     return made.with_captures(captures, agc_gain=gain)
 
 

@@ -54,9 +54,11 @@ APART = 4
 """Shifts closer than this to the best one are the same one [sample]."""
 UNIQUE = 0.75
 """Largest cross-correlation elsewhere, relative to the best, for a shift to be certain. Chosen."""
-OVERLAP = 17.0
-"""Power that a path may lose from its beam to the best of the beams about it [dB]: half a step of a beamwidth off
-boresight, the next beam sees 12 dB less at most; fading takes the rest."""
+NOWHERE = -300.0
+"""Gain of a beam that there is not [dB]."""
+FADING = 5.0
+"""Power that a path may lose in the best of the beams about its own besides that by the pattern [dB], if this takes it
+into the noise. Chosen."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,8 @@ class Paths:
         Power in these beams within two samples of the peak [dB over the noise].
     expected : array (path, near)
         What the beams together and the pattern predict [dB over the noise].
+    losses : array (path, 2)
+        Power that the best and the second best of the beams about the path's own lose at most by the pattern [dB].
     consistent : array (path,)
         Whether one direction explains most beams, so that the prediction can be trusted.
     """
@@ -123,6 +127,7 @@ class Paths:
     around: Integers
     seen: Real
     expected: Real
+    losses: Real
     consistent: NDArray[np.bool_]
 
     @property
@@ -152,7 +157,7 @@ def find_paths(snr: NDArray[np.floating], near: Neighbours) -> Paths:
     coarse = near.gain[beam]
     best, expected = _fit(seen, coarse, around)
     best, expected = _fit(seen, _between(coarse, best), around)
-    paths = Paths(beam, delay, around, seen, expected, np.zeros(beam.size, bool))
+    paths = Paths(beam, delay, around, seen, expected, _losses(coarse, around), np.zeros(beam.size, bool))
     agree, clear = paths.agree.sum(axis=1), paths.clear.sum(axis=1)
     paths.consistent[:] = (agree >= MIN_BEAMS) & (agree >= MIN_SHARE * clear)
     return paths
@@ -193,6 +198,18 @@ def _fit(seen: Real, gain: NDArray[np.floating], around: Integers) -> tuple[Inte
     return best, expected[np.arange(best.size), best]
 
 
+def _losses(gain: NDArray[np.floating], around: Integers) -> Real:
+    """What the best and the second best of the beams about each path's own lose at most (path, 2) [dB].
+
+    Over the directions in the main lobe of its own beam that it sees best.
+    """
+    others = np.sort(np.where((around >= 0)[:, None, 1:], gain[..., 1:], NOWHERE), axis=-1)[..., :-3:-1]
+    own = gain[..., :1]
+    inside = (own > MAIN_LOBE) & (own >= others[..., :1])
+    losses: Real = np.where(inside, own - others, -np.inf).max(axis=1).astype(float)
+    return losses
+
+
 def _between(gain: NDArray[np.floating], best: Integers) -> Real:
     """Gains toward directions about the best one, interpolated in dB: a Gaussian lobe is a parabola there."""
     paths, _, count = gain.shape
@@ -212,9 +229,9 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     """How far each beam (beam,) contradicts the others [dB]; 0 where it does not.
 
     A beam contradicts if a path that the beams about it see is missing in it by `MISSING` or more, or if it sees a path
-    that none of them sees although the antenna's lobes overlap. It does not if it agrees about another path. More power
-    than expected is no contradiction: there may be a second path. A path that three quarters of all beams see through
-    their sidelobes is missing where there is only noise.
+    that at most one of them sees although the antenna's lobes overlap. It does not if it agrees about another path. More
+    power than expected is no contradiction: there may be a second path. A path that nearly all beams see through their
+    sidelobes is missing where there is only noise.
 
     Parameters
     ----------
@@ -229,11 +246,10 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     missing = paths.consistent[:, None] & (paths.around >= 0) & (paths.seen < UNSEEN) & (short > MISSING)
     missing &= paths.expected > EXPECTED
     np.maximum.at(figure, paths.around[missing], short[missing])
-    others = np.sort(np.where(paths.around >= 0, paths.seen, -np.inf)[:, 1:], axis=1)
-    if others.shape[1] >= MIN_BEAMS:
-        best = others[:, -1]
-        unseen = best < np.minimum(paths.seen[:, 0] - OVERLAP, UNSEEN)
-        np.maximum.at(figure, paths.beam[unseen], (paths.seen[:, 0] - best)[unseen])
+    others = np.sort(np.where(paths.around >= 0, paths.seen, NOWHERE)[:, 1:], axis=1)[:, :-3:-1]
+    least = paths.seen[:, :1] - paths.losses
+    unseen = (others < np.maximum(np.minimum(least - FADING, UNSEEN), least - MISSING)).any(axis=1)
+    np.maximum.at(figure, paths.beam[unseen], (paths.seen[:, 0] - others[:, 1])[unseen])
     figure = np.where(agrees, 0, figure)
     return np.maximum(figure, _missing_everywhere(paths, snr))
 
@@ -247,7 +263,7 @@ def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
     level = 10 * np.log10(np.maximum(snr[:, three].max(axis=1), NOTHING))
     low, usual, high = np.quantile(level[used], [0.25, 0.5, 0.75])
     least = low - SPREAD * (high - low) - AGREEMENT
-    missing = used & (least > UNSEEN) & (level < UNSEEN)
+    missing = used & (level < min(least, UNSEEN))
     return np.where(missing, usual - level, 0)
 
 

@@ -31,7 +31,7 @@ from sounder.quality.delays import (
 )
 from sounder.quality.noise_floor import SIGNAL_TO_PEAK, NoiseFloors, floor_std
 from sounder.quality.snapshots import LOST_COHERENCE, MIN_SNR, compare_snapshots, expected_coherence, mean_of
-from sounder.quality.spectrum import spectral_line
+from sounder.quality.spectrum import spectral_lines
 from sounder.recordings.recording import Recording
 from sounder.remark import Code, Remark
 
@@ -254,12 +254,11 @@ class Position:
                 self.remark(Code.REPEATED, *later)
 
     def check_spectra(self) -> None:
-        """Directions with a spectral line that no channel has, among those with more noise than usual."""
-        floors = self.floors()
-        for a, e in np.argwhere(floors.excess.reshape(self.noise.shape) > floors.bound / 2):
-            line, bound = spectral_line(self.responses[a, e], self.deembedding)
-            if line > bound:
-                self.remark(Code.TONE, a, e, line, bound)
+        """Directions with a spectral line that no channel has."""
+        known = np.argwhere(np.isfinite(self.noise) & (self.noise > 0))
+        line, bound = spectral_lines(self.responses[tuple(known.T)], self.deembedding)
+        for k in np.flatnonzero(line > bound):
+            self.remark(Code.TONE, *known[k], line[k], bound)
 
     @property
     def snr(self) -> NDArray[np.float32]:

@@ -88,7 +88,7 @@ class NoiseFloors:
         known = np.isfinite(floor)
         bound = std * float(norm.isf(FALSE_ALARM / max(known.sum(), 1) / 2))
         sign = 1
-        if _follows_gain(floor[known], agc_gain[known]):
+        if _follows_gain(floor[known], agc_gain[known], bound):
             sign, floor = -1, floor + 2 * agc_gain
         level, slope = _line(order[known], floor[known])
         fall = slope * (floor.size - 1)
@@ -105,15 +105,17 @@ def _scatter(values: Real) -> float:
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
-def _follows_gain(floor: Real, agc_gain: Real) -> bool:
-    """Whether the floors fall by two decibels for a decibel of gain: it was removed with the wrong sign."""
+def _follows_gain(floor: Real, agc_gain: Real, bound: float) -> bool:
+    """Whether floors agree with gains of the opposite sign only: it was removed with the wrong sign."""
     usual = np.median(agc_gain) if agc_gain.size else 0.0
     other = np.abs(agc_gain - usual) > DISTINCT_GAIN
     if other.sum() < MIN_DISTINCT:
         return False
-    level = np.median(floor[~other]) if not other.all() else np.median(floor)
-    slope = float(np.median((floor[other] - level) / (agc_gain[other] - usual)))
-    return abs(slope + 2) < 0.5
+    reference = other if other.all() else ~other
+    stated, opposite = (
+        np.abs(changed[other] - np.median(changed[reference])) < bound for changed in (floor, floor + 2 * agc_gain)
+    )
+    return bool(opposite.sum() > 3 * stated.sum() and 2 * opposite.sum() > other.sum())
 
 
 def _line(x: NDArray[np.int64], y: Real) -> tuple[float, float]:

@@ -14,37 +14,42 @@ BLOCK = 64
 """Lines over which the spectrum of a channel is compared: 75 MHz for 1022 samples at 1.2 GHz. Chosen; not derived."""
 DIRECTIONS = 1000
 """Directions of a scan that are counted on."""
-KEPT = 0.3
-"""Weight of the de-embedding from which a line is used: beyond, noise is amplified."""
+KEPT = 0.03
+"""Weight of the de-embedding from which lines are compared: the edges of the band hold nothing. Chosen."""
 
 
-def spectral_line(response: NDArray[np.complexfloating], deembedding: Deembedding) -> tuple[float, float]:
-    """Strongest spectral line of a direction, and the bound for a channel.
+def spectral_lines(
+    responses: NDArray[np.complexfloating], deembedding: Deembedding
+) -> tuple[NDArray[np.float64], float]:
+    """Strongest spectral line of each direction, and the bound for a channel.
 
     The transfer function of many paths is a complex Gaussian process, and so is noise: the power of a line is
     exponential about the mean of its surroundings. A few strong paths vary less.
 
     Parameters
     ----------
-    response : array complex (sample,)
+    responses : array complex (direction, sample)
     deembedding : Deembedding
         Its weight is divided out.
 
     Returns
     -------
-    line, bound : float
+    line : array (direction,)
         Over the median of its block [dB].
+    bound : float
+        [dB]
     """
+    size = responses.shape[-1]
     inside = np.flatnonzero(deembedding.weight > KEPT)
-    inside = inside[np.argsort((inside + response.size // 2) % response.size)]
+    inside = inside[np.argsort((inside + size // 2) % size)]
     inside = inside[: inside.size // BLOCK * BLOCK]
     if not inside.size:
-        return -np.inf, 0.0
-    power = np.abs(np.fft.fft(response)[inside] / deembedding.weight[inside]) ** 2
-    power[inside == 0] = 0  # not measured
-    blocks = power.reshape(-1, BLOCK)
-    line = np.max(blocks.max(axis=-1) / np.median(blocks, axis=-1))
-    return float(10 * np.log10(line)), 10 * float(np.log10(line_bound(inside.size)))
+        return np.full(len(responses), -np.inf), 0.0
+    power = np.abs(np.fft.fft(responses)[:, inside] / deembedding.weight[inside]) ** 2
+    power[:, inside == 0] = 0  # not measured
+    blocks = power.reshape(len(power), -1, BLOCK)
+    line = np.max(blocks.max(axis=-1) / np.median(blocks, axis=-1), axis=-1)
+    return 10 * np.log10(line), 10 * float(np.log10(line_bound(inside.size)))
 
 
 @cache
