@@ -229,9 +229,9 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     """How far each beam (beam,) contradicts the others [dB]; 0 where it does not.
 
     A beam contradicts if a path that the beams about it see is missing in it by `MISSING` or more, or if it sees a path
-    that at most one of them sees although the antenna's lobes overlap. It does not if it agrees about another path. More
-    power than expected is no contradiction: there may be a second path. A path that nearly all beams see through their
-    sidelobes is missing where there is only noise.
+    that at most one of them sees although the antenna's lobes overlap. It does not if it agrees about another path.
+    More power than expected is no contradiction: there may be a second path. A path that nearly all beams see through
+    their sidelobes is missing where there is only noise.
 
     Parameters
     ----------
