@@ -258,7 +258,8 @@ class Position:
         known = np.argwhere(np.isfinite(self.noise) & (self.noise > 0))
         line, bound = spectral_lines(self.responses[tuple(known.T)], self.deembedding)
         for k in np.flatnonzero(line > bound):
-            self.remark(Code.TONE, *known[k], line[k], bound)
+            a, e = known[k]
+            self.remark(Code.TONE, a, e, line[k], bound)
 
     @property
     def snr(self) -> NDArray[np.float32]:
