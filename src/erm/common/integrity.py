@@ -2,7 +2,8 @@
 
 Each dataset has the filter fletcher32 of HDF5: a checksum of every chunk. HDF5 verifies it when it reads the chunk, and
 makes it anew when other software changes the data on purpose. It finds every changed bit, and every burst of errors up
-to 16 bits long. The root attribute ``members`` names each member with its type, so that a lost one is missed.
+to 16 bits long. The root attribute ``members`` names each member with its type and shape, so that a lost or exchanged
+one is missed.
 
 References
 ----------
@@ -22,7 +23,7 @@ from erm.common.printable import printable
 if TYPE_CHECKING:
     import h5py
 
-MEMBERS = "members"
+MEMBERS, GROUP = "members", "group"
 CHUNK = 2**20
 """Largest chunk [byte], unless one row is larger; HDF5 keeps chunks of this size while it reads parts of them."""
 
@@ -46,18 +47,20 @@ def checksummed(shape: tuple[int, ...], item: int) -> dict[str, Any]:
 
 
 def list_members(file: "h5py.File") -> None:
-    """Store the names and types of all members in the file."""
+    """Store the names, types and shapes of all members in the file."""
+    import h5py
+
     found: dict[str, str] = {}
 
     def note(name: str, node: Any) -> None:
-        found[name] = _type(getattr(node, "dtype", None))
+        found[name] = _type(node) if isinstance(node, h5py.Dataset) else GROUP
 
     file.visititems(note)
     file.attrs[MEMBERS] = json.dumps(found, sort_keys=True)
 
 
 def require_members(file: Group, within: str = "") -> None:
-    """Refuse a file that has lost a member, or in which one has another type.
+    """Refuse a file that has lost a member, or in which one has another type or shape.
 
     Parameters
     ----------
@@ -72,7 +75,7 @@ def require_members(file: Group, within: str = "") -> None:
 
 
 def _listed(file: Group) -> list[tuple[str, str]]:
-    """Names and types of the members that the file should have; none if it has no list."""
+    """Names, types and shapes of the members that the file should have; none if it has no list."""
     if MEMBERS not in file.attrs:
         return []
     try:
@@ -85,13 +88,18 @@ def _require_member(file: Group, name: str, kind: str) -> None:
     held = file.get(name)
     if held is None:
         raise DataError(f"{file.path}: damaged: {printable(name)} is missing; copy the file again")
-    found = _type(held.dtype if isinstance(held, Dataset) else None)
-    if found != kind:
+    found = _type(held.node) if isinstance(held, Dataset) else GROUP
+    if found != kind and found.partition(" ")[0] != kind:  # earlier lists have no shapes
         raise DataError(f"{file.path}: damaged: {printable(name)} is {found}, written as {kind}; copy the file again")
 
 
-def _type(dtype: Any) -> str:
-    return "group" if dtype is None else "text" if dtype.kind in "OSU" else dtype.str if not dtype.names else "complex"
+def _type(node: "h5py.Dataset") -> str:
+    import h5py
+
+    dtype = node.dtype
+    text = h5py.check_string_dtype(dtype) is not None
+    kind = "text" if text else "complex" if dtype.names else dtype.str
+    return f"{kind} {node.shape}".replace(", ", ",")
 
 
 RIGHT, UNPROTECTED = GOOD = "right", "readable; has no checksum"

@@ -14,6 +14,7 @@ The NetCDF-4 file format, Unidata, appendix "NetCDF-4 File Format Specification"
 
 from typing import TYPE_CHECKING, Any
 
+from erm.common.errors import DataError
 from erm.common.gate.hdf5 import Dataset, Group
 from erm.common.integrity import checksummed
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.%10d"
+NUMBERS = "biufc"
+"""Kinds of numbers, as numpy names them."""
 STRUCTURE = {
     "CLASS",
     "NAME",
@@ -94,8 +97,11 @@ def _read(name: str, member: Dataset) -> "xr.Variable":
     import xarray as xr
 
     attributes = {key: _single(member.attrs[key]) for key in member.attrs if key not in STRUCTURE}
+    text = h5py.check_string_dtype(member.dtype) is not None
+    if not text and member.dtype.kind not in NUMBERS:
+        raise DataError(f"{member.path}: {name} is {member.dtype}; expected numbers or texts")
     values = member[()]
-    if h5py.check_string_dtype(member.dtype) is not None and member.dtype.kind == "O":
+    if text and member.dtype.kind == "O":
         values = np.asarray(member.node.asstr()[()], str)
     return xr.Variable(_dimensions(name, member), values, attributes, {"dtype": member.dtype})
 

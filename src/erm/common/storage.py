@@ -3,11 +3,13 @@
 import glob
 import hashlib
 import json
+import math
 import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -18,7 +20,8 @@ from erm.common.gate.hdf5 import Group, open_hdf5
 from erm.common.gate.limits import current, too_large
 from erm.common.hdf5_output import new_hdf5
 from erm.common.integrity import MEMBERS, list_members, require_members
-from erm.common.netcdf import read_group, write_group
+from erm.common.netcdf import NUMBERS, read_group, write_group
+from erm.common.usage import shortened
 from erm.common.version import __version__
 
 if TYPE_CHECKING:
@@ -184,6 +187,43 @@ def _load_group(file: Group, name: str, expected: str) -> "xr.Dataset":
     dataset = read_group(found)
     dataset.attrs.pop(MEMBERS, None)  # of this file, not of what is made from it
     return dataset
+
+
+def number_in(dataset: "xr.Dataset", name: str, path: Path | str, default: float | None = None) -> float:
+    """Value of an attribute that is a finite number.
+
+    Raises
+    ------
+    DataError
+        There is none and no default, or it is something else.
+    """
+    value = dataset.attrs.get(name, default)
+    if not isinstance(value, Real) or not math.isfinite(value):
+        raise DataError(f"{path}: attribute {name} is {shortened(value)}; expected a finite number")
+    return float(value)
+
+
+def require_axes(dataset: "xr.Dataset", path: Path | str, axes: Mapping[str, tuple[str, ...]]) -> None:
+    """Refuse a dataset that lacks a variable, or in which one does not hold numbers along its axes.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Group of a product.
+    path : path
+        Its file, for errors.
+    axes : mapping of str to tuple of str
+        Variables with the names of their axes.
+    """
+    for name, wanted in axes.items():
+        if name not in dataset.variables:
+            raise DataError(f"{path}: has no {name}; expected a product of this software")
+        held = dataset[name]
+        if held.dims != wanted or held.dtype.kind not in NUMBERS:
+            raise DataError(
+                f"{path}: {name} is {held.dtype} along ({', '.join(map(str, held.dims))}); "
+                f"expected numbers along ({', '.join(wanted)})"
+            )
 
 
 def _require_group(file: Group, name: str, expected: str) -> Group:

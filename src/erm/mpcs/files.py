@@ -7,14 +7,14 @@ does not stop a campaign.
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from erm.common.constants import c
 from erm.common.errors import DataError
-from erm.common.storage import atomic_path, open_group
+from erm.common.storage import atomic_path, number_in, open_group
 from erm.common.text_files import read_table
 from erm.mpcs.standard_errors import UNKNOWN_GAIN_STD
 from erm.mpcs.table import OPTIONAL, VALUES, columns_of_product, empty_table, make_table
@@ -188,15 +188,16 @@ def read_product(path: Path | str, trusted: Iterable[str] = ()) -> tuple["xr.Dat
     names = np.atleast_1d(root["position"].values) if "position" in root else np.array([Path(path).stem])
     if len(names) != 1:
         raise DataError(f"{path}: holds {len(names)} positions; expected one per file, as `sounder process` writes")
-    table = make_table(
-        {
-            "position": str(names[0]),
-            "los": int(root.attrs.get("los", -1)),
-            "frequency": root.attrs["frequency"],
-        }
-        | {end: np.ravel(root[end].values) for end in ("tx_position", "rx_position")}
-        | columns_of_product(mpc)
-    )
+    columns: dict[str, Any] = dict(columns_of_product(mpc))
+    for name, column in columns.items():
+        if column.dtype.kind not in "biuf" or column.shape != columns["delay"].shape or column.ndim != 1:
+            raise DataError(f"{path}: group /mpc has {name} as {column.dtype} {column.shape}; expected a number an MPC")
+    for end in ("tx_position", "rx_position"):
+        if root[end].dtype.kind not in "biuf" or root[end].size != 3:
+            raise DataError(f"{path}: {end} is {root[end].dtype} {root[end].shape}; expected three numbers")
+    columns |= {end: np.ravel(root[end].values) for end in ("tx_position", "rx_position")}
+    columns |= {"position": str(names[0]), "los": line_of_sight(root, path)}
+    table = make_table(columns | {"frequency": number_in(root, "frequency", path)})
     doubts = [name for name in str(root.attrs.get("doubts", "")).split() if name not in trusted]
     if "path_gain" in doubts:
         table["path_gain_std"][:] = UNKNOWN_GAIN_STD
@@ -206,6 +207,14 @@ def read_product(path: Path | str, trusted: Iterable[str] = ()) -> tuple["xr.Dat
     doubtful = bool({"delay", "azimuth", "position"} & set(doubts))
     rule = f"the product marks {' and '.join(doubts)} as doubtful; see sounder info, or process with --trust-all"
     return _checked(table, path, {rule: np.full(table.sizes["mpc"], doubtful)}, None)
+
+
+def line_of_sight(root: "xr.Dataset", path: Path | str) -> int:
+    """Attribute ``los`` of a product: 1 line of sight, 0 none, -1 unknown."""
+    los = number_in(root, "los", path, -1)
+    if los not in (-1, 0, 1):
+        raise DataError(f"{path}: attribute los is {los:g}; expected 1 (line of sight), 0 (none) or -1 (unknown)")
+    return int(los)
 
 
 def write_mpcs(table: "xr.Dataset", path: Path | str) -> None:
@@ -279,8 +288,9 @@ def _not_positive(numbers: Mapping[str, npt.NDArray[np.float64]], lines: Sequenc
 
 def _unit_of(delay: npt.NDArray[np.float64], distance: npt.NDArray[np.float64]) -> str:
     """What the unit of delays may be that are too long: paths are a little longer than the antennas are apart."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.nanmedian(delay * c / distance) if len(delay) else np.nan
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        ratios = delay * c / distance
+    ratio = np.median(ratios[np.isfinite(ratios)]) if np.isfinite(ratios).any() else np.nan
     units = {"nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3}
     fitting = [unit for unit, factor in units.items() if 0.5 < ratio * factor < MAX_DELAY_RATIO]
     return f" (as {fitting[0]} they agree with the places of the antennas)" if fitting else ""

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from erm.common.console import drawing, save_figure
-from erm.common.storage import atomic_path, open_groups
+from erm.common.errors import DataError
+from erm.common.storage import atomic_path, number_in, open_groups, require_axes
 from sounder.figures import products as figures
 from sounder.figures import score as score_figures
 from sounder.mpc.score import Score
@@ -33,6 +34,7 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
         The file is not a product, or the folder cannot be written to.
     """
     name, daps, mpc = _groups(product, "/mpc")
+    require_axes(mpc, product, dict.fromkeys(("delay", "azimuth", "azimuth_std"), ("mpc",)))
     polar, cartesian, profile = (Figure(figsize=(5.6, height)) for height in (4.2, 3.4, 3.2))
     figures.daps_polar([(name, daps)], _polar(polar))
     figures.daps_cartesian(daps, cartesian.add_subplot(title=name), mpc=mpc)
@@ -129,7 +131,13 @@ def _groups(product: Path, *others: str) -> tuple[Any, ...]:
     """Name of the position, group ``/daps``, and other groups."""
     # the DAPS first: its error says what is wrong with other files
     daps, root, *rest = open_groups(product, "/daps", "/", *others, expected="a product of `sounder process`")
-    return str(root["position"].values[0]), daps, *rest
+    scan = ("azimuth", "elevation")
+    require_axes(daps, product, {"daps": (*scan, "delay"), "noise_floor": scan, "pdp": ("delay",)})
+    require_axes(daps, product, {name: (name,) for name in (*scan, "delay")})
+    number_in(daps, "rx_antenna_gain", product, 0.0)
+    if not daps["daps"].size or "position" not in root or root["position"].size != 1:
+        raise DataError(f"{product}: holds no direction or no position; expected a product of `sounder process`")
+    return str(root["position"].values.ravel()[0]), daps, *rest
 
 
 def _polar(figure: Figure) -> PolarAxes:

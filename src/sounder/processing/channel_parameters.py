@@ -8,8 +8,8 @@ import numpy as np
 import xarray as xr
 
 from erm.common.errors import DataError
-from erm.common.storage import SOFTWARE, open_group, sha256
-from erm.mpcs.files import PRODUCT, read_csv
+from erm.common.storage import SOFTWARE, number_in, open_group, require_axes, sha256
+from erm.mpcs.files import PRODUCT, line_of_sight, read_csv
 from erm.mpcs.table import VALUES
 from sounder.options import Clustering, Source, Threshold, require_choice
 from sounder.parameters.position import position_parameters
@@ -111,12 +111,17 @@ def _of_product(path: Path, source: Source) -> tuple[dict[str, Any], xr.Dataset]
     needed |= ({*VALUES} if source == "mpcs" else {"pdp", "pulse_energy"}) - {*group.variables, *group.attrs}
     if needed:
         raise DataError(f"{path}: has no {sorted(needed)[0]}; expected {PRODUCT}")
+    measured = dict.fromkeys(VALUES, ("mpc",)) if source == "mpcs" else dict.fromkeys(("pdp", "delay"), ("delay",))
+    require_axes(group, path, measured)
+    if source == "pdp" and number_in(group, "pulse_energy", path) <= 0:
+        raise DataError(f"{path}: pulse_energy is not positive; process the recording again")
+    require_axes(root, path, dict.fromkeys(("tx_position", "rx_position"), ("position", "xyz")))
     if root["position"].size != 1:
         raise DataError(f"{path}: holds {root['position'].size} positions; expected one in a file")
-    about: dict[str, Any] = {"position": str(root["position"].values.item()), "los": int(root.attrs.get("los", -1))}
+    about: dict[str, Any] = {"position": str(root["position"].values.item()), "los": line_of_sight(root, path)}
     about["doubts"] = str(root.attrs.get("doubts", ""))
     about |= {f"{end}_position": np.ravel(root[f"{end}_position"].values) for end in ("tx", "rx")}
-    return about | {"frequency": float(root.attrs["frequency"])}, group
+    return about | {"frequency": number_in(root, "frequency", path)}, group
 
 
 def _of_table(path: Path) -> Iterable[tuple[dict[str, Any], xr.Dataset]]:

@@ -8,7 +8,7 @@ import xarray as xr
 
 from erm.common.errors import DataError
 from erm.common.gate.nesting import parse_json
-from erm.common.storage import open_group
+from erm.common.storage import open_group, require_axes
 from erm.mpcs.files import read_csv, read_product
 from sounder.instrument.description import Sounder
 from sounder.mpc.score import Gates, Score, score, with_snr
@@ -109,8 +109,11 @@ def read_truth(path: Path) -> tuple[xr.Dataset, list[str]]:
     names = ["position", "delay", "azimuth", "elevation", "path_gain"]
     if missing := [name for name in names if name not in table]:
         raise DataError(f"{path}: has no {missing[0]}; expected {TRUTH}")
-    table = table[names]
-    return (table if "path" in table.dims else table.rename(mpc="path")), problems
+    table = table[names].rename({} if "path" in table.dims else {"mpc": "path"})
+    require_axes(table, path, dict.fromkeys(names[1:], ("path",)))
+    if table["position"].dims != ("path",):
+        raise DataError(f"{path}: position is not the name of each path; expected {TRUTH}")
+    return table, problems
 
 
 def _read(path: Path) -> tuple[xr.Dataset, list[str], xr.Dataset | None]:

@@ -21,8 +21,12 @@ BACK_TO_BACK = "sounder-to-map back-to-back"
 def kind_of(path: Path) -> str | None:
     """Attribute ``kind`` of a native file; None for any other HDF5 file."""
     with open_hdf5(path) as file:
-        kind = file.attrs.get("kind")
-        return kind if isinstance(kind, str) else None
+        return _kind(file)
+
+
+def _kind(file: Group) -> str | None:
+    kind = file.attrs.get("kind")
+    return kind if isinstance(kind, str) else None
 
 
 def other_kind(path: Path) -> str | None:
@@ -30,7 +34,7 @@ def other_kind(path: Path) -> str | None:
     if not is_hdf5(path):
         return None
     with open_hdf5(path) as file:
-        if file.attrs.get("kind") == BACK_TO_BACK:
+        if _kind(file) == BACK_TO_BACK:
             return "back-to-back recording"
         return "product of sounder process" if "mpc" in file and "daps" in file else None
 
@@ -66,7 +70,7 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
         The file is not a native recording, or contradicts its own description.
     """
     with open_hdf5(path) as file:
-        if file.attrs.get("kind") != RECORDING:
+        if _kind(file) != RECORDING:
             raise DataError(f"{path}: not a native recording; describe its layout with --layout FILE")
         _require(file, path, ("iq", "azimuth", "elevation", "tx_position", "rx_position"))
         iq = file.dataset("iq")
@@ -164,7 +168,7 @@ def back_to_back(path: Path) -> BackToBack:
         The file is missing or is not a back-to-back recording.
     """
     with open_hdf5(path, "a back-to-back recording") as file:
-        if file.attrs.get("kind") != BACK_TO_BACK:
+        if _kind(file) != BACK_TO_BACK:
             raise DataError(
                 f"{path}: not a back-to-back recording; record one with an attenuator in place of the antennas"
             )

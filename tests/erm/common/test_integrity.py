@@ -1,5 +1,7 @@
 """Every changed bit of a dataset is found, and every member that is lost."""
 
+import json
+
 import h5py
 import numpy as np
 import pytest
@@ -73,8 +75,20 @@ def test_a_lost_member_and_one_of_another_type_are_missed(product):
     with h5py.File(product, "r+") as file:
         del file["dabs"]
         file["daps"] = np.zeros((6, 10))
-    with pytest.raises(DataError, match=r"daps is <f8, written as <f4"):
+    with pytest.raises(DataError, match=r"daps is <f8 \(6,10\), written as <f4 \(6,10\)"):
         open_group(product)
+    with h5py.File(product, "r+") as file:
+        del file["mpc/delay"]
+        file["mpc/delay"] = np.zeros(0)
+    with pytest.raises(DataError, match=r"mpc/delay is <f8 \(0,\), written as <f8 \(9,\)"):
+        open_group(product, "/mpc")
+
+
+def test_lists_of_members_without_shapes_are_read(product):
+    with h5py.File(product, "r+") as file:
+        listed = json.loads(file.attrs["members"])
+        file.attrs["members"] = json.dumps({name: kind.partition(" ")[0] for name, kind in listed.items()})
+    xr.testing.assert_identical(open_group(product), TABLE)
 
 
 def test_data_that_were_changed_on_purpose_are_accepted(product):

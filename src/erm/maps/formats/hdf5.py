@@ -59,4 +59,7 @@ def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     except (TypeError, ValueError) as error:
         raise DataError(f"{path}: attributes of the scene are not JSON ({error}); write the map again") from error
     columns = {name: np.asarray(table[name].values) for name in (*ENDS, *DEFAULTS) if name in table}
+    for name in columns:
+        if table[name].dims != ("reflector",):
+            raise DataError(f"{path}: {name} has the axes {table[name].dims}; expected one value a reflector")
     return columns, scene | {"attributes": attributes}
