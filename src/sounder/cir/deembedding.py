@@ -12,7 +12,9 @@ from sounder.cir.matched_filter import MatchedFilter
 from sounder.cir.power_spectrum import noise_power
 from sounder.cir.responses import noise_spectrum, reference_spectrum
 from sounder.instrument.description import Sounder
+from sounder.instrument.periodic import Periodic
 from sounder.instrument.touchstone import transmission
+from sounder.instrument.waveform_description import Waveform
 from sounder.recordings.recording import BackToBack
 
 REGULARISATION = 1e-4
@@ -104,7 +106,11 @@ def band_window(sounder: Sounder) -> Real:
     waveform = sounder.waveform
     frequency = np.abs(np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate))
     inside = np.clip(frequency / (sounder.bandwidth / 2), 0, 1)
-    return 0.5 + 0.5 * np.cos(np.pi * inside)
+    window = 0.5 + 0.5 * np.cos(np.pi * inside)
+    if isinstance(waveform, Periodic):  # lines that are not sent are not measured
+        power = np.abs(np.fft.fft(waveform.sampled)) ** 2
+        window[power <= REGULARISATION * power.mean()] = 0.0
+    return window
 
 
 def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounder, scale_factor: float) -> Deembedding:
@@ -133,7 +139,6 @@ def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounde
     _require_same_sounder(b2b, sounder)
     if not np.any(mean_correlation):
         raise DataError(f"{b2b.source}: all back-to-back samples are zero; record it again")
-    _require_peak(b2b, mean_correlation, sounder)
     waveform = sounder.waveform
     frequency: Real = np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate).astype(float)
     window = band_window(sounder)
@@ -143,6 +148,10 @@ def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounde
     inside = window > 0
     template = reference_spectrum(b2b.kind, sounder)
     response = np.where(inside, np.fft.fft(mean_correlation) / np.where(inside, template, 1), 0)
+    gathers = mean_correlation  # around one delay
+    if isinstance(waveform, Periodic):  # of which the correlation may have sidelobes, but the response has none
+        gathers = np.fft.ifft(response * window / np.where(inside, np.conj(template), 1))
+    _require_peak(b2b, gathers, sounder)
     power = np.abs(response) ** 2
     regularised = power + REGULARISATION * power[inside].mean()
     kept = window * power / regularised
@@ -218,10 +227,13 @@ def _require_peak(b2b: BackToBack, correlation: Complex, sounder: Sounder) -> No
                 f"{b2b.source}: {100 * gathered:.0f} % of the power of the back-to-back is around one delay; "
                 "expected at least 60 %"
             )
-        waveform = sounder.sequence
+        waveform = sounder.sent
+        which = waveform.summary
+        if isinstance(waveform, Waveform):
+            which = f"order {waveform.order}, polynomial {list(waveform.polynomial)}, {waveform.direction}"
         raise DataError(
-            f"{b2b.source}: back-to-back of another sounder: the sequence of {sounder.name} (order {waveform.order}, "
-            f"polynomial {list(waveform.polynomial)}, {waveform.direction}) does not stand out in it "
+            f"{b2b.source}: back-to-back of another sounder: the sequence of {sounder.name} ({which}) does not stand "
+            "out in it "
             f"({100 * gathered:.0f} % of its power around one delay, expected at least 60 %); "
             "sounder info on it shows the sequence that it holds"
         )

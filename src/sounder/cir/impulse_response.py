@@ -281,7 +281,7 @@ def _on_line(blocks: _Blocks, correlator: Correlator, offset: float) -> Directio
 
 def _of_sequence(blocks: _Blocks, correlator: Correlator) -> MSequenceCorrelator:
     if not isinstance(correlator, MSequenceCorrelator):
-        raise DataError(f"{blocks.source}: phase-aligned averaging needs IQ captures; these are responses")
+        raise DataError(f"{blocks.source}: phase-aligned averaging needs IQ captures of an m-sequence")
     return correlator
 
 

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
+from sounder.instrument.periodic import Periodic
 from sounder.instrument.waveform import chips, held_template
-from sounder.instrument.waveform_description import Sweep
+from sounder.instrument.waveform_description import Sweep, Waveform
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.recordings.recording import Captures, Kind
 
@@ -58,6 +59,25 @@ class ResponseCorrelator:
         return ResponseAccumulator(self)
 
 
+class TemplateCorrelator(ResponseCorrelator):
+    """Circular correlation with a period of any waveform.
+
+    Parameters
+    ----------
+    waveform : Periodic
+    """
+
+    def __init__(self, waveform: Periodic) -> None:
+        super().__init__(waveform.samples, over_frequency=False)
+        self._reference = np.conj(np.fft.fft(waveform.sampled))
+
+    def correlate_mean(self, captures: NDArray[np.complexfloating]) -> Complex:
+        """Correlations (..., sample) in double precision."""
+        from scipy.fft import fft, ifft  # slow to import
+
+        return np.asarray(ifft(fft(np.asarray(captures, complex)) * self._reference))
+
+
 class ResponseAccumulator:
     """Mean and mean power of responses that arrive in blocks."""
 
@@ -104,8 +124,10 @@ def correlator_of(kind: Kind, sounder: Sounder) -> Correlator:
         The kind does not go with what the sounder sends.
     """
     if kind == "iq":
-        sequence = sounder.sequence
-        return MSequenceCorrelator(chips(sequence), sequence.samples_per_chip)
+        sent = sounder.sent
+        if isinstance(sent, Waveform):
+            return MSequenceCorrelator(chips(sent), sent.samples_per_chip)
+        return TemplateCorrelator(sent)
     if kind == "ctf" and not isinstance(sounder.waveform, Sweep):
         raise DataError(f"{sounder.name} sends an m-sequence; transfer functions need a sweep")
     return ResponseCorrelator(sounder.waveform.samples, over_frequency=kind == "ctf")
@@ -114,7 +136,7 @@ def correlator_of(kind: Kind, sounder: Sounder) -> Correlator:
 def reference_spectrum(kind: Kind, sounder: Sounder) -> Complex:
     """Spectrum (sample,) that captures of a kind were correlated with here; 1 for those that are responses."""
     if kind == "iq":
-        return np.conj(np.fft.fft(held_template(sounder.sequence)))
+        return np.conj(np.fft.fft(held_template(sounder.sent)))
     return np.ones(sounder.waveform.samples, complex)
 
 
@@ -131,4 +153,4 @@ def noise_spectrum(kind: Kind, sounder: Sounder, response: Complex) -> Complex:
             frequency = np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate)
             return np.sinc(frequency / waveform.chip_rate).astype(complex)
         return response if kind == "cir" else np.ones(waveform.samples, complex)
-    return np.conj(np.fft.fft(held_template(sounder.sequence)))
+    return np.conj(np.fft.fft(held_template(sounder.sent)))

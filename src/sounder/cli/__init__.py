@@ -80,7 +80,7 @@ def info(
     tables: list[Table] = []
     failures: list[str] = []
     if layout is None:
-        tables.append((HEADER, describe_file(file)))
+        tables.append((HEADER, describe_file(file, sounder)))
     else:
         tables, failures = describe_foreign_file(file, layout, sounder, in_full=each or as_json)
     if as_json:

@@ -2,19 +2,37 @@
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from erm.common.errors import DataError
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_files import read_cut
+from sounder.instrument.periodic import Periodic, with_template
 from sounder.instrument.stated import Connection, Receiver, Survey, Transmitter
-from sounder.instrument.waveform_description import AnyWaveform, Sweep, Waveform
+from sounder.instrument.waveform_description import Sweep, Waveform
 from sounder.toml import NotNegative, Positive, Table, file_inside, read_toml
 
 MIN_SPECTRAL_LINES = 16
 """Fewest spectral lines in the band kept. A delay is the slope of the phase over them. Chosen, not derived."""
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, Sweep) or (isinstance(value, dict) and "points" in value):
+        return "<sweep>"
+    return (
+        "<periodic>" if isinstance(value, Periodic) or (isinstance(value, dict) and "kind" in value) else "<m-sequence>"
+    )
+
+
+AnyWaveform = Annotated[
+    Annotated[Waveform, Tag("<m-sequence>")]
+    | Annotated[Sweep, Tag("<sweep>")]
+    | Annotated[Periodic, Tag("<periodic>")],
+    Discriminator(_kind),
+]
+"""A sweep if it has points, another waveform if it has a kind, else an m-sequence."""
 
 
 class Carrier(Table):
@@ -133,7 +151,7 @@ class Sounder(Table):
     ----------
     name : str
         Shown in messages.
-    waveform : Waveform or Sweep
+    waveform : Waveform, Periodic or Sweep
     carrier : Carrier
     tx_antenna, rx_antenna : Antenna
     scan : Scan
@@ -185,10 +203,23 @@ class Sounder(Table):
         Raises
         ------
         DataError
+            The sounder sends something else.
+        """
+        if not isinstance(self.waveform, Waveform):
+            raise DataError(f"{self.name} sends {self.waveform.summary}; expected a sounder that sends an m-sequence")
+        return self.waveform
+
+    @property
+    def sent(self) -> Waveform | Periodic:
+        """The waveform that repeats.
+
+        Raises
+        ------
+        DataError
             The sounder sweeps the frequency.
         """
         if isinstance(self.waveform, Sweep):
-            raise DataError(f"{self.name} sweeps the frequency; expected a sounder that sends an m-sequence")
+            raise DataError(f"{self.name} sweeps the frequency; expected a sounder that sends a waveform")
         return self.waveform
 
     @model_validator(mode="after")
@@ -226,7 +257,7 @@ def load_sounder(path: Path | str) -> Sounder:
     >>> load_sounder(shipped.calibration("sounder-132ghz.toml")).name
     '132 GHz rotating-horn sounder'
     """
-    tables = read_toml(path)
+    tables = with_template(read_toml(path), Path(path))
     for antenna in (tables.get("tx_antenna"), tables.get("rx_antenna")):
         if isinstance(antenna, dict) and isinstance(antenna.get("cut"), str):
             antenna["cut"] = read_cut(file_inside(Path(path), antenna["cut"], "cut"))

@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from sounder.instrument.waveform_description import Waveform
+
+if TYPE_CHECKING:
+    from sounder.instrument.periodic import Periodic
 
 
 def m_sequence(order: int, polynomial: tuple[int, ...]) -> NDArray[np.int8]:
@@ -60,8 +63,13 @@ def chips(waveform: Waveform) -> NDArray[np.int8]:
     return bits if waveform.polarity == "positive" else (1 - bits).astype(np.int8)
 
 
-def held_template(waveform: Waveform) -> NDArray[np.float64]:
-    """Template of the correlator (sample,): chips of +1 and -1, each held over ``samples_per_chip`` samples."""
+def held_template(waveform: "Waveform | Periodic") -> NDArray[np.float64] | NDArray[np.complex128]:
+    """Template of the correlator (sample,): chips of +1 and -1, each held over ``samples_per_chip`` samples.
+
+    Of another waveform than an m-sequence it is a period of that.
+    """
+    if not isinstance(waveform, Waveform):
+        return waveform.sampled
     return np.repeat(1.0 - 2.0 * chips(waveform), waveform.samples_per_chip)
 
 

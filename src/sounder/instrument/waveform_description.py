@@ -1,8 +1,8 @@
 """What is sent: an m-sequence, or a sweep over frequencies."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from sounder.toml import Positive, Table
 
@@ -140,13 +140,3 @@ class Sweep(Table):
     def summary(self) -> str:
         """The sweep in a few words."""
         return f"{self.points} frequencies, {self.step / 1e6:g} MHz apart"
-
-
-def _kind(value: Any) -> str:
-    return "<sweep>" if isinstance(value, Sweep) or (isinstance(value, dict) and "points" in value) else "<m-sequence>"
-
-
-AnyWaveform = Annotated[
-    Annotated[Waveform, Tag("<m-sequence>")] | Annotated[Sweep, Tag("<sweep>")], Discriminator(_kind)
-]
-"""A sweep if it has points, else an m-sequence."""

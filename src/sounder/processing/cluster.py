@@ -193,13 +193,12 @@ def _filters() -> FilterCache:
 
 def _compile_kernels(job: Job) -> None:
     """Compile the kernels once, in this process, so that the workers find them in the cache."""
-    from sounder.instrument.waveform import chips
-    from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
+    from sounder.cir.responses import correlator_of
     from sounder.mpc.extract import extract_mpcs
 
     sounder = job.recording.sounder
-    correlator = MSequenceCorrelator(chips(sounder.sequence), sounder.sequence.samples_per_chip)
-    correlator.average(np.zeros((1, correlator.samples, 2), np.int16))
+    correlator = correlator_of(job.recording.kind, sounder)
+    correlator.accumulator().add(np.zeros((1, correlator.samples, 2), np.int16))
     shape = {"azimuth": 1, "elevation": 1, "delay": sounder.waveform.samples}
     coords = {name: np.arange(size) for name, size in shape.items()}
     silence = np.zeros(tuple(shape.values()), np.complex64)

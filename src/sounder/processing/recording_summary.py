@@ -66,30 +66,36 @@ def describe_positions(recordings: Sequence[Recording]) -> tuple[Lines, list[str
     return common, header, [[lines[label] for label in header] for lines in described]
 
 
-def describe_back_to_back(b2b: BackToBack) -> Lines:
-    """Describe a back-to-back recording and the sequence that is found in it."""
+def _sequence(b2b: BackToBack) -> str:
+    """Which m-sequence a back-to-back recording holds."""
     captures = b2b.captures
+    if b2b.kind != "iq":
+        return "none, as these are responses"
     mean = (captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]).mean(axis=0)
     try:
         found = identify(mean.astype(complex))
-        sequence = (
-            f"order {found.order}, polynomial {list(found.polynomial)} {found.direction}, {found.polarity}, "
-            f"{found.samples_per_chip} samples per chip; {found.margin:.1f} dB above the next best"
-        )
         described = b2b.sounder.sequence
-        expected = f"order {described.order}, polynomial {list(described.polynomial)} {described.direction}"
-        same = is_same_sequence(found, described)
-        sequence += f"; {'agrees with the description:' if same else 'differs from the description:'} {expected}"
     except DataError as error:
-        sequence = str(error)
+        return str(error)
+    expected = f"order {described.order}, polynomial {list(described.polynomial)} {described.direction}"
+    same = is_same_sequence(found, described)
+    return (
+        f"order {found.order}, polynomial {list(found.polynomial)} {found.direction}, {found.polarity}, "
+        f"{found.samples_per_chip} samples per chip; {found.margin:.1f} dB above the next best; "
+        f"{'agrees with the description:' if same else 'differs from the description:'} {expected}"
+    )
+
+
+def describe_back_to_back(b2b: BackToBack) -> Lines:
+    """Describe a back-to-back recording and the sequence that is found in it."""
     measured = "measured S21" if b2b.s21 is not None else "nominal"
     return [
         ("kind", "back-to-back recording"),
         ("title", b2b.title),
         *describe_sounder(b2b.sounder),
-        ("snapshots", str(len(captures))),
+        ("snapshots", str(len(b2b.captures))),
         ("attenuation", f"{b2b.attenuation:g} dB ({measured})"),
-        ("sequence found", sequence),
+        ("sequence found", _sequence(b2b)),
     ]
 
 

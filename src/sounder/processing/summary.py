@@ -28,8 +28,14 @@ MAX_DESCRIBED_IN_FULL = 3
 """Positions of a file that are described in full; more are described in a line each. Chosen; not derived."""
 
 
-def describe_file(path: Path) -> Lines:
+def describe_file(path: Path, sounder: Path | None = None) -> Lines:
     """Describe a native recording, a back-to-back file, a product of ``sounder process``, or another of this software.
+
+    Parameters
+    ----------
+    path : Path
+    sounder : Path, optional
+        Description of what may be in plain samples.
 
     Returns
     -------
@@ -42,7 +48,7 @@ def describe_file(path: Path) -> Lines:
     """
     expected = "a recording or a product; for a MATLAB file describe its layout with --layout"
     if path.is_file() and not is_hdf5(path) and (content := content_of(path)) is not None:
-        return _content(content)
+        return [*_content(content), *_codes(content, sounder)]
     with open_hdf5(path, expected) as file:
         if "mpc" in file and "daps" in file:
             return _product(file)
@@ -62,6 +68,30 @@ def _content(content: Content) -> Lines:
     arrays = [(name, f"{array.dtype} {tuple(array.shape)}") for name, array in content.items()]
     attributes = [(f"attribute {name}", printable(f"{value}")) for name, value in content.attrs.items()]
     return [("kind", content.kind), *arrays, *attributes]
+
+
+def _codes(content: Content, sounder: Path | None) -> Lines:
+    """Codes in plain samples, of the kind that a description names: of GPS, all satellites."""
+    if sounder is None:
+        return []
+    from sounder.instrument.acquisition import acquire
+    from sounder.instrument.codes import GPS_DELAYS
+    from sounder.instrument.description import load_sounder
+    from sounder.instrument.periodic import Periodic
+    from sounder.instrument.waveform import held_template
+
+    waveform = load_sounder(sounder).sent
+    row = np.asarray(next(iter(content.values()))[()])
+    row = row @ [1, 1j] if row.dtype.kind in "iu" else row
+    if row.ndim != 1 or row.size < waveform.samples:
+        raise DataError(f"{sounder}: a period has {waveform.samples} samples; the file holds {row.shape}")
+    templates = {waveform.summary: held_template(waveform).astype(complex)}
+    if isinstance(waveform, Periodic) and waveform.kind == "gps_ca":
+        satellites = (waveform.model_copy(update={"prn": prn}) for prn in range(1, len(GPS_DELAYS) + 1))
+        templates = {f"PRN {one.prn}": one.sampled for one in satellites}
+    found = acquire(row, templates, waveform.sample_rate)
+    texts = [f"{one.name}, {one.level:.1f} dB over the median, {one.offset:+.0f} Hz" for one in found]
+    return [("code found", text) for text in texts or ["none"]]
 
 
 def describe_foreign_file(

@@ -55,7 +55,7 @@ class Response:
     @classmethod
     def of(cls, captures: Captures, sounder: Sounder) -> "Response":
         """Divide the spectra of captures by that of the sequence, in the band kept."""
-        waveform = sounder.sequence
+        waveform = sounder.sent
         samples = as_complex(captures)
         window = band_window(sounder)
         window[0] = 0.0  # the receiver's offset
@@ -133,7 +133,7 @@ def compression_level(response: Response, sounder: Sounder) -> tuple[float, floa
     """
     linear = response.centred.copy()
     linear[response.before + response.reach :] = 0
-    template = np.fft.fft(held_template(sounder.sequence))
+    template = np.fft.fft(held_template(sounder.sent))
     predicted = np.fft.ifft(np.fft.fft(linear) * template)
     window = band_window(sounder)
     cubic = np.fft.fft(np.abs(predicted) ** 2 * predicted) * window / np.where(window > 0, template, 1.0)

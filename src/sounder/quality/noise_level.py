@@ -31,7 +31,7 @@ def noise_power(daps: xr.Dataset, deembedding: Deembedding, recording: Recording
         The filter that made it.
     recording : Recording
     """
-    template = np.fft.fft(held_template(recording.sounder.sequence))
+    template = np.fft.fft(held_template(recording.sounder.sent))
     gain = np.mean(np.abs(template * deembedding.transfer) ** 2)
     quiet = float(np.nanquantile(daps["noise_floor"].values, QUIET))
     samples = quiet - 10 * np.log10(gain / recording.snapshots)

@@ -6,6 +6,7 @@ import numpy as np
 
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
+from sounder.instrument.periodic import Periodic
 from sounder.instrument.waveform_description import Waveform
 from sounder.recordings.axes import lengths
 from sounder.recordings.foreign_file import ForeignFile
@@ -13,15 +14,15 @@ from sounder.recordings.layout import Layout, Numbers, Reference
 from sounder.recordings.sweep import sweep_tables
 
 
-def described(file: ForeignFile, layout: Layout, sounder: Sounder) -> tuple[Sounder, Waveform | None]:
+def described(file: ForeignFile, layout: Layout, sounder: Sounder) -> tuple[Sounder, Waveform | Periodic | None]:
     """Describe the sounder of a file, after the keys of the layout replaced those of ``sounder``.
 
     Returns
     -------
     sounder : Sounder
         Of the captures. If they are responses, frequencies or a sample rate in the layout replace the waveform.
-    sequence : Waveform or None
-        The m-sequence in the back-to-back, where that is to be correlated.
+    sequence : Waveform, Periodic or None
+        The waveform in the back-to-back, where that is to be correlated.
     """
 
     def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -39,19 +40,23 @@ def described(file: ForeignFile, layout: Layout, sounder: Sounder) -> tuple[Soun
         return result
 
     source = f"{file.path}: the layout's [sounder]"
-    tables = merged(sounder.model_dump(), layout.sounder)
+    base = sounder.model_dump()
+    for name in ("tx_antenna", "rx_antenna"):
+        if "pattern" in layout.sounder.get(name, {}):  # what is known of another pattern does not apply
+            base[name] = {"gain": base[name]["gain"]}
+    if "kind" in layout.sounder.get("waveform", {}):  # another waveform altogether
+        base["waveform"] = {}
+    tables = merged(base, layout.sounder)
     if set(layout.sounder.get("carrier", {})) == {"frequency"}:  # the oscillator of another carrier does not apply
         tables["carrier"] = {"frequency": tables["carrier"]["frequency"]}
     thru = layout.back_to_back
     correlated = thru is not None and thru.kind == "iq" and layout.captures.kind == "cir"
-    sequence = Waveform.from_tables(tables["waveform"], f"{source}: waveform") if correlated else None
+    kind = Periodic if "kind" in tables["waveform"] else Waveform
+    sequence = kind.from_tables(tables["waveform"], f"{source}: waveform") if correlated else None
     tables |= _of_responses(file, layout, sequence)
     if "waveform" in layout.sounder or layout.captures.kind != "iq":  # the bandwidth of another waveform does not apply
         own = layout.sounder.get("processing", {}).get("bandwidth")
         tables["processing"] = {**tables["processing"], "bandwidth": own}
-    for name in ("tx_antenna", "rx_antenna"):
-        if isinstance(tables.get(name), dict) and tables[name].get("pattern") != "cut":
-            tables[name]["cut"] = None
     return Sounder.from_tables(tables, source), sequence
 
 
@@ -78,7 +83,7 @@ def require_same_frequencies(file: ForeignFile, frequency: Numbers | None, sound
         )
 
 
-def _of_responses(file: ForeignFile, layout: Layout, sequence: Waveform | None) -> dict[str, Any]:
+def _of_responses(file: ForeignFile, layout: Layout, sequence: Waveform | Periodic | None) -> dict[str, Any]:
     """Tables of the description that follow from the frequencies or from the sample rate of responses."""
     block = layout.captures
     if block.frequency is not None:
@@ -89,7 +94,7 @@ def _of_responses(file: ForeignFile, layout: Layout, sequence: Waveform | None) 
         points = lengths(file, block)["sample"]
         rate = file.scale(block.sample_rate, "captures.sample_rate")
         found = {"waveform": {"points": points, "step": rate / points}}
-        if sequence is not None:
+        if sequence is not None and sequence.chip_rate is not None:
             found["waveform"]["chip_rate"] = sequence.chip_rate
     else:
         return {}

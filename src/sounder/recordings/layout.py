@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from sounder.instrument.periodic import with_template
 from sounder.recordings.recording import Kind
 from sounder.toml import Alternatives, NotNegative, Table, read_toml
 
@@ -234,4 +235,7 @@ def load_layout(path: Path | str) -> Layout:
     DataError
         The file is missing, not TOML, or has an unknown key or a value that does not fit.
     """
-    return Layout.from_tables(read_toml(path), path)
+    tables = read_toml(path)
+    if isinstance(tables.get("sounder"), dict):
+        tables["sounder"] = with_template(tables["sounder"], Path(path))
+    return Layout.from_tables(tables, path)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
+from sounder.instrument.periodic import Periodic
 from sounder.instrument.waveform import held_template
 from sounder.instrument.waveform_description import Waveform
 from sounder.recordings.recording import BackToBack, Captures, Kind
@@ -43,7 +44,7 @@ def ideal_pulse(source: Path, sounder: Sounder, kind: Kind, window: str | None) 
     return BackToBack(source, sounder, captures[None], 1.0, 0.0, None, False, "No back-to-back: calibrated", kind)
 
 
-def correlated(captures: Captures, sequence: Waveform, source: Path) -> NDArray[np.complexfloating]:
+def correlated(captures: Captures, sequence: Waveform | Periodic, source: Path) -> NDArray[np.complexfloating]:
     """Impulse responses (snapshot, sample) of IQ captures: the mean over samples of captures times the held chips.
 
     A path of amplitude ``a`` gives a peak of height ``a``.

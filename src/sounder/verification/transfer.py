@@ -44,7 +44,7 @@ def measured_transfer(b2b: BackToBack, deembedding: Deembedding, known: Complex)
     frequency: Real = np.fft.fftfreq(sounder.waveform.samples, 1 / sounder.waveform.sample_rate).astype(float)
     weight = deembedding.weight / deembedding.weight.sum() * deembedding.weight.size
     weight = np.where(frequency == 0, 0.0, weight)  # DC is not measured
-    correlation = np.fft.fft(as_complex(b2b.captures)) * np.conj(np.fft.fft(held_template(sounder.sequence)))
+    correlation = np.fft.fft(as_complex(b2b.captures)) * np.conj(np.fft.fft(held_template(sounder.sent)))
     measured = correlation * deembedding.transfer
     if not b2b.includes_tx_antenna:  # the calibration refers to the port of an isotropic antenna
         measured = measured * 10 ** (sounder.tx_antenna.gain / 20)
