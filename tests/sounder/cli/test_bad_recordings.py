@@ -73,7 +73,7 @@ def test_what_is_no_recording_is_named(copied, capsys):
 def test_what_is_not_hdf5_is_reported_without_advice_that_was_followed(copied, joined, capsys):
     text, layout = copied / "text.h5", joined.with_name("layout.toml")
     text.write_text("not HDF5")
-    expected = f"{text}: not an HDF5 file; expected an HDF5 file, or a MATLAB file named .mat\n"
+    expected = f"{text}: not an HDF5 file; expected an HDF5 file, or one of another known format\n"
     for command in (("process", text, "--out", copied / "out"), ("info", text)):
         assert run(*command, "--layout", layout) == 1
         assert capsys.readouterr().err == expected
