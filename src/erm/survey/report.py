@@ -88,6 +88,14 @@ def remarks(located: "xr.Dataset", calibration: Calibration) -> list[str]:
             f"warning: {short.sum()} of {len(short)} MPCs are shorter than the direct path beyond their errors, the "
             f"first at {located['position'].values[at]} by {early * 1e9:.2g} ns: not used"
         )
+    carriers, rows = np.unique([f"{value / 1e9:.4g} GHz" for value in located["frequency"].values], return_inverse=True)
+    if len(carriers) > 1:
+        counts = [np.unique(located["position"].values[rows == k]).size for k in range(len(carriers))]
+        each = ", ".join(f"{carrier} ({counted(n, 'position')})" for carrier, n in zip(carriers, counts, strict=True))
+        lines.append(
+            f"warning: MPCs of {len(carriers)} carriers are on one map: {each}; its losses, its materials and the "
+            "calibration of the gain are those of a mixture; make a map of each carrier"
+        )
     loud = located["reason"].values == Reason.ABOVE_FREE_SPACE
     if loud.sum() > LOUD_SHARE * len(loud):
         lines.append(

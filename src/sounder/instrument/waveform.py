@@ -188,6 +188,11 @@ def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) ->
             f"{capture.size} samples per capture; expected the period of an m-sequence of order 7-15 at 1-4 samples "
             "a chip"
         )
+    if (periods := _periods(capture)) > 1:
+        raise DataError(
+            f"the {capture.size} samples of a capture hold {periods} periods of {capture.size // periods}; split each "
+            "capture into its periods, as snapshots"
+        )
     order, per_chip = candidates[0]
     length = 2**order - 1
     # The sum over a chip is its matched filter; decimation without it would alias noise. The phase that begins with the
@@ -223,6 +228,21 @@ def identify(capture: NDArray[np.complex128], *, minimum_margin: float = 6.0) ->
         polarity="positive" if value.real >= 0 else "negative",
         margin=float(margin),
     )
+
+
+def _periods(capture: NDArray[np.complex128]) -> int:
+    """Periods that a capture holds: K of them have power in every K-th line of the spectrum alone.
+
+    An m-sequence has all lines, so a share of 1 - 1/K of its power lies between those. Noise lies between them too;
+    half of that share is the bound.
+    """
+    power = np.abs(np.fft.fft(capture)) ** 2
+    power[0] = 0.0  # the receiver's offset
+    total = power.sum()
+    for periods in (4, 3, 2):
+        if capture.size % periods == 0 and total - power[::periods].sum() < (1 - 1 / periods) / 2 * total:
+            return periods
+    return 1
 
 
 # One for each order; the others follow by decimation. Source: Peterson & Weldon, 1972, table C.2.

@@ -192,6 +192,12 @@ def check(recording: Recording, samples: int) -> None:
     """
     who = f"{recording.source}: {recording.name}" if recording.name else str(recording.source)
     waveform = recording.sounder.waveform
+    if samples > waveform.samples and samples % waveform.samples == 0:
+        raise DataError(
+            f"{recording.source}: {samples} samples per capture are {samples // waveform.samples} periods of the "
+            f"{waveform.samples} that {recording.sounder.name} describes ({waveform.summary}); split each capture into "
+            "its periods, as snapshots, or pass another description with --sounder"
+        )
     if samples != waveform.samples:
         raise DataError(
             f"{recording.source}: {samples} samples per capture, but {recording.sounder.name} describes "

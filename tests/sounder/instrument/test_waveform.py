@@ -203,3 +203,11 @@ def test_a_ray_tracers_back_to_back_is_scipys_sequence(shared_data: Path):
     ours = 1.0 - 2.0 * chips(waveform(9, found.polynomial, direction=found.direction))
     assert np.abs(np.fft.ifft(np.fft.fft(theirs) * np.conj(np.fft.fft(ours)))).max() == pytest.approx(511)
     assert found.margin > 12
+
+
+def test_two_periods_of_a_sequence_are_not_taken_for_a_longer_chip(description):
+    sent = band_limited_template(description().waveform)
+    rng = np.random.default_rng(6)
+    noise = 0.3 * (rng.normal(size=2 * sent.size) + 1j * rng.normal(size=2 * sent.size))
+    with pytest.raises(DataError, match="hold 2 periods of 1022; split each capture"):
+        identify(np.tile(sent, 2) + noise)

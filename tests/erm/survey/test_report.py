@@ -1,0 +1,23 @@
+"""What contradicts in a table is said."""
+
+import numpy as np
+import xarray as xr
+
+import erm
+from erm.survey.calibration import Calibration
+from erm.survey.report import remarks
+
+NOTHING_WRONG = Calibration(0.0, 0.0, 0.0, np.zeros((3, 3)), ambiguous=(), direct_paths=0, images=0)
+
+
+def test_two_carriers_on_one_map_are_said():
+    street = erm.Environment.walls([[[-60, 10], [60, 10]]], top=40.0)
+
+    def located(*carriers: float) -> xr.Dataset:
+        links = [erm.predict(street, (0, 0, 9), (10 + k, -4, 2), carrier) for k, carrier in enumerate(carriers)]
+        links = [link.assign(position=("mpc", [f"P{k}"] * link.sizes["mpc"])) for k, link in enumerate(links)]
+        return erm.select(xr.concat(links, dim="mpc"))
+
+    assert remarks(located(28e9, 28e9), NOTHING_WRONG) == []
+    [line] = remarks(located(28e9, 132e9, 28e9), NOTHING_WRONG)
+    assert "MPCs of 2 carriers are on one map: 132 GHz (1 position), 28 GHz (2 positions)" in line
