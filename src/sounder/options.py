@@ -26,47 +26,51 @@ FigureFormat = Literal["png", "pdf", "svg"]
 class Threshold:
     """What counts as a path: power over the noise, power under the strongest, and delay.
 
-    The least power is the higher of noise floor + ``noise_margin`` and strongest sample - ``dynamic_range``. Groups
-    differ in these numbers; :data:`THRESHOLDS` has two published sets by name.
+    The least power is the higher of a level over the noise floor and strongest sample - ``dynamic_range``. The level is
+    ``noise_margin`` or, without one, what noise alone exceeds ``false_alarms`` times in a position: it follows from the
+    samples, beams and averaging of the scan. Groups differ in these numbers; :data:`THRESHOLDS` has sets by name.
 
     Attributes
     ----------
-    noise_margin : float
+    noise_margin : float, optional
         Over the mean noise power of the beam [dB].
     dynamic_range : float
         Under the strongest sample of the position [dB]; infinite: no limit.
     delay_gate : float
         Longest delay [s], as the propagation delay from TX to RX; infinite: no limit.
+    false_alarms : float
+        False MPCs that noise may make in a position, on average; used without ``noise_margin``.
 
     Raises
     ------
     OptionError
-        A number is negative or not a number, or the delay gate is 0.
+        A number is negative or not a number, or the delay gate or the rate is 0.
 
     Examples
     --------
-    >>> Threshold.of("nyu")
-    Threshold(noise_margin=5.0, dynamic_range=25.0, delay_gate=inf)
+    >>> Threshold.of("nyu").noise_margin, Threshold.of("cfar:0.01").false_alarms
+    (5.0, 0.01)
     >>> Threshold.of("10,30,4e-7").delay_gate
     4e-07
-    >>> str(Threshold(10.0, 30.0)), str(Threshold(12.0))
-    ('10,30', 'usc')
+    >>> str(Threshold(10.0, 30.0)), str(Threshold(12.0)), str(Threshold(dynamic_range=30.0))
+    ('10,30', 'usc', 'cfar,30')
     """
 
-    noise_margin: float
+    noise_margin: float | None = None
     dynamic_range: float = math.inf
     delay_gate: float = math.inf
+    false_alarms: float = 0.05
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            least = "more than 0" if field.name == "delay_gate" else "0 or more"
-            if not value >= 0 or (field.name == "delay_gate" and value == 0):
+            least = "more than 0" if field.name in ("delay_gate", "false_alarms") else "0 or more"
+            if value is not None and (not value >= 0 or (least != "0 or more" and value == 0)):
                 raise OptionError(f"threshold: {field.name} is {value:g}; expected {least}")
 
     @classmethod
     def of(cls, text: "str | Threshold") -> Self:
-        """Threshold of a name, or of one to three numbers with commas between: ``12``, ``10,30``, ``10,30,4e-7``.
+        """Threshold of a name, or of one to three items with commas between: ``12``, ``10,30,4e-7``, ``cfar:0.01,30``.
 
         Raises
         ------
@@ -74,33 +78,39 @@ class Threshold:
             The text is neither.
         """
         if isinstance(text, Threshold):
-            return cls(text.noise_margin, text.dynamic_range, text.delay_gate)
+            return cls(text.noise_margin, text.dynamic_range, text.delay_gate, text.false_alarms)
         if text in THRESHOLDS:
             return cls.of(THRESHOLDS[text])
         try:
-            numbers = [float(number) for number in text.split(",")]
+            first, *others = text.split(",")
+            name, colon, rate = first.partition(":")
+            level = {"noise_margin": float(first)} if name != "cfar" else {"false_alarms": float(rate)} if colon else {}
+            limits = dict(zip(("dynamic_range", "delay_gate"), map(float, others), strict=False))
         except (AttributeError, ValueError):
-            numbers = []
-        if not 1 <= len(numbers) <= len(fields(cls)):
+            others, level, limits = [], {}, {"none": math.nan}
+        if "none" in limits or len(others) > len(limits):
             raise OptionError(
                 f"threshold is {text!r}; expected one of {', '.join(THRESHOLDS)}, or numbers: dB over the noise floor, "
-                "dynamic range [dB], delay gate [s], as in 10,30,4e-7"
+                "dynamic range [dB], delay gate [s], as in 10,30,4e-7; for the first also a rate of false MPCs a "
+                "position, as in cfar:0.01"
             )
-        return cls(*numbers)
+        return cls(**level, **limits)
 
     def __str__(self) -> str:
         for name, known in THRESHOLDS.items():
             if self == known:
                 return name
-        numbers = [f"{getattr(self, field.name):.12g}" for field in fields(self)]
+        rate = "" if self.false_alarms == Threshold.false_alarms else f":{self.false_alarms:.12g}"
+        level = f"cfar{rate}" if self.noise_margin is None else f"{self.noise_margin:.12g}"
+        numbers = [level, f"{self.dynamic_range:.12g}", f"{self.delay_gate:.12g}"]
         while numbers[-1] == "inf" and len(numbers) > 1:
             numbers.pop()
         return ",".join(numbers)
 
 
-THRESHOLDS = {"usc": Threshold(12.0), "nyu": Threshold(5.0, 25.0)}
-"""Thresholds by name. ``usc``: noise floor + 12 dB (Gomez-Ponce et al.). ``nyu``: the higher of strongest - 25 dB and
-noise floor + 5 dB (Sun et al.)."""
+THRESHOLDS = {"cfar": Threshold(), "usc": Threshold(12.0), "nyu": Threshold(5.0, 25.0)}
+"""Thresholds by name. ``cfar``: noise makes 1 false MPC in 20 positions. ``usc``: noise floor + 12 dB (Gomez-Ponce et
+al.). ``nyu``: the higher of strongest - 25 dB and noise floor + 5 dB (Sun et al.)."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +122,8 @@ class Options:
     averaging : {"coherent", "phase-aligned", "power"}
         Over the snapshots of a direction; see :func:`sounder.cir.impulse_response.impulse_responses`.
     threshold : str
-        What counts as an MPC, as :class:`Threshold` writes it: ``usc``, ``nyu``, or numbers such as ``10,30,4e-7``.
+        What counts as an MPC, as :class:`Threshold` writes it: ``cfar``, ``usc``, ``nyu``, or numbers such as
+        ``10,30,4e-7``.
     method : {"sage", "clean", "peaks"}
         How overlapping MPCs are separated; see :func:`sounder.mpc.extract.extract_mpcs`.
     omnidirectional : {"synthesis", "sum", "maximum"}
@@ -141,7 +152,7 @@ class Options:
     """
 
     averaging: Averaging = "coherent"
-    threshold: str = "usc"
+    threshold: str = "cfar"
     method: Method = "sage"
     omnidirectional: Omnidirectional = "synthesis"
     keep_cir: bool = False

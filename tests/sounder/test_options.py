@@ -27,7 +27,7 @@ def test_a_stage_refuses_a_value_that_it_does_not_know(cir):
     with pytest.raises(OptionError, match="method is 'music'; expected one of sage, clean, peaks"):
         sounder.extract_mpcs(responses, deembedding, recording.sounder, method="music")
     with pytest.raises(
-        OptionError, match="threshold is 'loud'; expected one of usc, nyu, or numbers: dB over the noise"
+        OptionError, match="threshold is 'loud'; expected one of cfar, usc, nyu, or numbers: dB over the noise"
     ):
         sounder.extract_mpcs(responses, deembedding, recording.sounder, threshold="loud")
 
@@ -40,6 +40,8 @@ def test_a_stage_refuses_a_value_that_it_does_not_know(cir):
         ("-3", "threshold: noise_margin is -3; expected 0 or more"),
         ("12,nan", "threshold: dynamic_range is nan; expected 0 or more"),
         ("12,30,0", "threshold: delay_gate is 0; expected more than 0"),
+        ("cfar:0", "threshold: false_alarms is 0; expected more than 0"),
+        ("cfar:", "threshold is 'cfar:'; expected"),
     ],
 )
 def test_numbers_that_are_no_threshold_are_refused(text, problem):
@@ -49,6 +51,7 @@ def test_numbers_that_are_no_threshold_are_refused(text, problem):
 
 def test_a_threshold_is_written_in_one_way():
     written = {"12": "usc", "5,25": "nyu", "5,25,inf": "nyu", "12,inf,4e-7": "12,inf,4e-07", "10,30.5": "10,30.5"}
+    written |= {"cfar": "cfar", "cfar:0.05,inf": "cfar", "cfar:0.010,30": "cfar:0.01,30"}
     for text, expected in written.items():
         assert sounder.Options(threshold=text).threshold == expected
         assert Threshold.of(expected) == Threshold.of(text)

@@ -115,9 +115,22 @@ def _taper(lag: NDArray[np.number], reach: int) -> Real:
 
 
 def _table(spectrum: Complex | Real, reach: int) -> Complex:
-    """Transform with `OVERSAMPLING` points per sample and ``reach + 1`` samples per side; zero-pads the spectrum."""
-    half = spectrum.size // 2  # the spectrum is zero beyond the band on either side
-    padded = np.concatenate([spectrum[:half], np.zeros(spectrum.size * (OVERSAMPLING - 1)), spectrum[half:]])
-    points = np.fft.ifft(padded) * OVERSAMPLING
-    table: Complex = np.roll(points, (reach + 1) * OVERSAMPLING)[: 2 * (reach + 1) * OVERSAMPLING + 1]
+    """Transform at `OVERSAMPLING` points per sample and ``reach + 1`` samples per side, as a chirp transform.
+
+    With ``2 k m = k^2 + m^2 - (m - k)^2`` the sum over frequencies ``k`` at the points ``m`` is a convolution with a
+    chirp, which costs what the spectrum has and not what a padded one would (Bluestein, IEEE Trans. Audio
+    Electroacoust. 18, 1970).
+    """
+    size = spectrum.size
+    k, points = np.arange(size) - size // 2, (reach + 1) * OVERSAMPLING
+    m = np.arange(-points, points + 1)
+
+    def chirp(n: NDArray[np.int64]) -> Complex:
+        turn = n * n % (2 * OVERSAMPLING * size)  # exact, so that no phase is lost where n^2 is large
+        return np.asarray(np.exp(1j * np.pi / (OVERSAMPLING * size) * turn))
+
+    length = size + m.size - 1
+    between = np.arange(m[0] - k[-1], m[-1] - k[0] + 1)
+    filtered = np.fft.fft(np.fft.fftshift(spectrum) * chirp(k), length) * np.fft.fft(chirp(between).conj(), length)
+    table: Complex = np.fft.ifft(filtered)[size - 1 :] * chirp(m) / size
     return table

@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sounder.cir.false_alarm import NOISE_QUANTILE, quantile_of_noise
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
 from sounder.options import BeamProfile, require_choice
@@ -13,23 +14,22 @@ PROFILES: dict[BeamProfile, str] = {
     "maximum": "strongest beam in each delay bin over the boresight gain",
 }
 """What each omnidirectional PDP is, for labels."""
-NOISE_QUANTILE = 0.25
-"""Quantile of the power over delay from which the noise floor is taken; up to three quarters of the delays may hold
-paths. Chosen, not derived."""
-
 OF_DIRECTIONS = ("coherence", "carrier_offset", "phase_drift")
 """Variables of a CIR that are kept with its power."""
 
 
-def noise_power(power: NDArray[np.floating]) -> NDArray[np.floating]:
+def noise_power(power: NDArray[np.floating], looks: int = 1) -> NDArray[np.floating]:
     """Mean noise power of every direction, estimated from its weakest delays.
 
-    The power of complex Gaussian noise is exponential with mean ``m``, and its quantile ``q`` is ``-m ln(1 - q)``.
+    The power of complex Gaussian noise is exponential with mean ``m``, and its quantile ``q`` is ``-m ln(1 - q)``. The
+    mean of several such powers has a gamma distribution.
 
     Parameters
     ----------
     power : array (..., delay)
         Linear; NaN where nothing was recorded.
+    looks : int
+        Powers of which each is the mean; see `looks_of`.
 
     Returns
     -------
@@ -44,7 +44,12 @@ def noise_power(power: NDArray[np.floating]) -> NDArray[np.floating]:
     """
     place = int(NOISE_QUANTILE * power.shape[-1])
     quantile: NDArray[np.floating] = np.partition(power, place, axis=-1)[..., place]  # NaN sorts to the end
-    return quantile / -np.log1p(-NOISE_QUANTILE)
+    return quantile / quantile_of_noise(looks)
+
+
+def looks_of(cir: xr.Dataset) -> int:
+    """Powers of which each sample of a CIR is the mean: the snapshots where powers were averaged, else 1."""
+    return int(cir.attrs["snapshots"]) if cir.attrs.get("averaging") == "power" else 1
 
 
 def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "sum") -> xr.Dataset:
@@ -94,7 +99,7 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "s
     """
     require_choice("omnidirectional", omnidirectional, BeamProfile)
     power = np.abs(cir["cir"].values).astype(float) ** 2
-    floor = noise_power(power)
+    floor = noise_power(power, looks_of(cir))
     recorded = np.isfinite(floor)
     pattern = Pattern.of(sounder.rx_antenna)
     boresight = 10 ** (pattern.gain / 10)

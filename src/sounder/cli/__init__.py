@@ -133,7 +133,8 @@ def process(
     threshold: Annotated[
         str,
         typer.Option(
-            help="What counts as an MPC: usc (12 dB over noise), nyu (5 dB over noise and 25 dB under the peak), or "
+            help="What counts as an MPC: cfar (noise makes at most 1 MPC in 20 positions; cfar:0.01: 1 in 100), usc "
+            "(12 dB over noise), nyu (5 dB over noise, which 4 % of the noise exceeds, and 25 dB under the peak), or "
             "numbers: dB over noise, dynamic range [dB], delay gate [s], as in 10,30,4e-7."
         ),
     ] = Options.threshold,

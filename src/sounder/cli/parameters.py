@@ -23,7 +23,7 @@ def parameters(
     mpcs: Annotated[Path | None, typer.Option(help="Table with a row for each MPC of all positions: .csv.")] = None,
     threshold: Annotated[
         str | None,
-        typer.Option(help="Which paths count: usc, nyu or numbers, as in `sounder process`. Default: all MPCs."),
+        typer.Option(help="Which paths count: cfar, usc, nyu or numbers, as in `sounder process`. Default: all MPCs."),
     ] = None,
     source: Annotated[
         Source, typer.Option("--from", help="Compute from MPCs, or from the omnidirectional PDP of products.")

@@ -16,6 +16,7 @@ from sounder.mpc.joint import refine_jointly
 from sounder.mpc.scan import Scan
 from sounder.mpc.single_thread import single_thread
 from sounder.mpc.table import tabulate
+from sounder.mpc.threshold import independent_samples
 from sounder.mpc.two_paths import split_paths
 from sounder.mpc.uncertainty import beam_power, best_beams, variance_inflation
 from sounder.options import Method, Threshold, require_choice
@@ -35,7 +36,7 @@ def extract_mpcs(
     sounder: Sounder,
     *,
     distance: float = 0.0,
-    threshold: str | Threshold = "usc",
+    threshold: str | Threshold = "cfar",
     method: Method = "sage",
     time: NDArray[np.float64] | None = None,
 ) -> xr.Dataset:
@@ -63,11 +64,12 @@ def extract_mpcs(
         Direct distance from TX to RX [m]. Delays are known modulo the period of the sequence. No path is shorter than
         the direct one, so that earlier delays are too short by a period.
     threshold : str or Threshold
-        What counts as a path; see :class:`sounder.options.Threshold`. ``usc``: noise floor + 12 dB, which noise alone
-        exceeds once in 7 million samples (Gomez-Ponce et al.). ``nyu``: the higher of strongest - 25 dB and noise
-        floor + 5 dB (Sun et al.). Noise alone exceeds the second in 4 % of the samples, so that positions with weak
-        paths fill with noise. Or numbers: dB over the noise floor, dynamic range [dB], delay gate [s], as in
-        ``10,30,4e-7``. Paths later than the gate are subtracted from the beams, but not listed.
+        What counts as a path; see :class:`sounder.options.Threshold`. ``cfar``: what noise alone exceeds in 1 of 20
+        positions, at any length of the sequence and number of beams; ``cfar:0.01``: in 1 of 100. ``usc``: noise floor
+        + 12 dB, which noise alone exceeds once in 7 million samples (Gomez-Ponce et al.). ``nyu``: the higher of
+        strongest - 25 dB and noise floor + 5 dB (Sun et al.). Noise alone exceeds the second in 4 % of the samples, so
+        that positions with weak paths fill with noise. Or numbers: dB over the noise floor, dynamic range [dB], delay
+        gate [s], as in ``10,30,4e-7``. Paths later than the gate are subtracted from the beams, but not listed.
     method : {"sage", "clean", "peaks"}
         ``sage``: as above; overlapping paths are fitted in turn, each to the residual of the others (Fleury et al.,
         1999). ``clean``: each path is fitted once, before it is subtracted (Hogbom, 1974). ``peaks``: nothing is
@@ -84,7 +86,7 @@ def extract_mpcs(
         left out because only sidelobes see them, so that their angles are not known; ``paths_beyond_gate``, the number
         left out because they are later than the delay gate; ``complete``, 0 if more paths
         exceed the threshold than a table holds; ``period`` of the sequence [s], by whole numbers of which delays may
-        be too short.
+        be too short; ``samples`` of the scan, and ``independent_samples`` of noise in a beam.
 
     Examples
     --------
@@ -121,6 +123,7 @@ def extract_mpcs(
     period = scan.period / filter_.sample_rate
     late = table["delay"].values > threshold.delay_gate
     facts = {"threshold": str(threshold), "method": method, "complete": int(complete), "period": period}
+    facts |= {"samples": scan.recorded.size * scan.period, "independent_samples": independent_samples(filter_)}
     left_out = {"paths_outside_fan": int((~located).sum()), "paths_beyond_gate": int(late.sum())}
     return table.isel(mpc=np.flatnonzero(~late)).assign_attrs(facts | left_out)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.matched_filter import OVERSAMPLING
-from sounder.cir.power_spectrum import noise_power
+from sounder.cir.power_spectrum import looks_of, noise_power
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
@@ -19,7 +19,7 @@ from sounder.kernels.extraction.records import ARTEFACT
 from sounder.kernels.extraction.scan_view import ScanView, beam_table
 from sounder.mpc.directions import beam_directions, beam_gains, wrap
 from sounder.mpc.pattern_slopes import Cuts
-from sounder.mpc.threshold import detection_threshold
+from sounder.mpc.threshold import detection_threshold, independent_samples
 from sounder.mpc.whitened_samples import CentredPulse, WindowPulse
 from sounder.options import Threshold
 
@@ -62,7 +62,7 @@ class Scan:
     sounder: Sounder
 
     @classmethod
-    def of(cls, cir: xr.Dataset, filter_: Deembedding, sounder: Sounder, threshold: str | Threshold = "usc") -> Self:
+    def of(cls, cir: xr.Dataset, filter_: Deembedding, sounder: Sounder, threshold: str | Threshold = "cfar") -> Self:
         """Read the CIRs of a position.
 
         Parameters
@@ -76,8 +76,10 @@ class Scan:
         """
         azimuth, elevation = (cir[axis].values.astype(float) for axis in ("azimuth", "elevation"))
         beams = np.ascontiguousarray(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64)
-        noise = noise_power(np.abs(beams) ** 2).astype(float)
-        least = detection_threshold(beams, noise, Threshold.of(threshold))
+        looks = looks_of(cir)
+        noise = noise_power(np.abs(beams) ** 2, looks).astype(float)
+        independent = independent_samples(filter_)
+        least = detection_threshold(beams, noise, Threshold.of(threshold), independent=independent, looks=looks)
         return cls(beams, azimuth, elevation, noise, least, filter_, sounder)
 
     @property

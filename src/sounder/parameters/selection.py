@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from sounder.cir.false_alarm import noise_margin
 from sounder.options import Source, Threshold
 
 PDP_QUANTILE = 0.25
@@ -70,9 +71,13 @@ def select_mpcs(mpcs: xr.Dataset, threshold: Threshold | None = None) -> Selecti
     else:
         known &= gain >= np.max(gain, where=np.isfinite(gain), initial=-np.inf) - threshold.dynamic_range
         known &= mpcs["delay"].values <= threshold.delay_gate
-        margin = threshold.noise_margin if "snr" in mpcs else 0.0
+        if threshold.noise_margin is None and "independent_samples" in mpcs.attrs:
+            margin = noise_margin(threshold, mpcs.attrs["samples"], mpcs.attrs["independent_samples"])
+        else:
+            margin = threshold.noise_margin or 0.0
         if "snr" in mpcs:
             known &= mpcs["snr"].values >= margin
+        margin = margin if "snr" in mpcs else 0.0
         text = f"{describe(Threshold(margin, threshold.dynamic_range, threshold.delay_gate))}; of {extraction}"
     return Selection(mpcs.isel(mpc=np.flatnonzero(known)), "mpcs", text, "no noise in MPCs", "removed")
 
@@ -103,7 +108,8 @@ def select_pdp(daps: xr.Dataset, threshold: Threshold | None = None) -> Selectio
     pdp, delay = daps["pdp"].values.astype(float), daps["delay"].values
     noise = float(np.quantile(pdp[~np.isnan(pdp)], PDP_QUANTILE, method="lower")) if np.isfinite(pdp).any() else -np.inf
     noise = -np.inf if made == "synthesis" else noise
-    over = (pdp >= max(noise + threshold.noise_margin, np.max(pdp, initial=-np.inf) - threshold.dynamic_range)) & (
+    margin = noise_margin(threshold, pdp.size, pdp.size)
+    over = (pdp >= max(noise + margin, np.max(pdp, initial=-np.inf) - threshold.dynamic_range)) & (
         np.isfinite(pdp) & (delay <= threshold.delay_gate)
     )
     gain = pdp[over] - 10 * np.log10(daps.attrs["pulse_energy"])
@@ -132,7 +138,9 @@ def describe(threshold: "str | Threshold | None") -> str:
     if threshold is None:
         return "a threshold that the table does not say"
     threshold = Threshold.of(threshold)
-    parts = [f"{threshold.noise_margin:g} dB over noise"] if threshold.noise_margin else []
+    parts = [f"{threshold.noise_margin:.3g} dB over noise"] if threshold.noise_margin else []
+    if threshold.noise_margin is None:
+        parts = [f"at most {threshold.false_alarms:g} false MPCs a position by noise"]
     if np.isfinite(threshold.dynamic_range):
         parts.append(f"{threshold.dynamic_range:g} dB under the strongest")
     if np.isfinite(threshold.delay_gate):

@@ -65,8 +65,8 @@ def channel_parameters(
     >>> spread = parameters["rms_delay_spread"]
     >>> print(f"{spread.item() * 1e9:.1f} ns: {spread.attrs['definition']}")
     12.3 ns: square root of the second central moment of delay; ITU-R P.1407 2.2.3
-    >>> print(parameters["definition"].item())
-    from MPCs; threshold: MPCs extracted with 12 dB over noise; noise: no noise in MPCs; antennas: removed
+    >>> print(parameters["threshold"].item())
+    MPCs extracted with at most 0.05 false MPCs a position by noise
     """
     require_choice("source", source, Source)
     require_choice("clusters", clusters, Clustering)

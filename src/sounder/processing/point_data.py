@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from erm.common.storage import open_group
+from sounder.cir.false_alarm import noise_margin
 from sounder.options import Threshold
 from sounder.parameters.delay import rms_delay_spread
 from sounder.parameters.statistics import LINES_OF_SIGHT
@@ -91,7 +92,8 @@ def mean_directional_delay_spread(daps: xr.Dataset, threshold: Threshold) -> flo
     1e-09
     """
     beams = daps["daps"].values.astype(float)
-    least = daps["noise_floor"].values[..., None] + threshold.noise_margin
+    margin = noise_margin(threshold, beams.size, beams.shape[-1])
+    least = daps["noise_floor"].values[..., None] + margin
     least = np.maximum(least, np.max(beams, axis=-1, keepdims=True) - threshold.dynamic_range)
     delay = daps["delay"].values
     counts = (beams >= least) & (delay <= threshold.delay_gate) & np.isfinite(beams)

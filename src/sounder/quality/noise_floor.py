@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from sounder.cir.power_spectrum import NOISE_QUANTILE
+from sounder.cir.false_alarm import NOISE_QUANTILE
 
 Real = NDArray[np.float64]
 

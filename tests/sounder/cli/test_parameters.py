@@ -30,7 +30,7 @@ def test_tables_of_a_campaign(files, tmp_path, capsys):
     printed = capsys.readouterr()
     assert printed.err == ""
     assert "rms_delay_spread\tns\t" in printed.out
-    assert "from MPCs; threshold: MPCs extracted with 12 dB over noise" in printed.out
+    assert "from MPCs; threshold: MPCs extracted with at most 0.05 false MPCs a position by noise" in printed.out
 
     first, second = rows(tmp_path / "all.csv")
     mpcs = xr.open_dataset(files[0], group="/mpc", engine="h5netcdf")
@@ -97,7 +97,9 @@ def test_thresholds_and_profiles(files, tmp_path, capsys):
     # the synthesis has the powers of the MPCs, so that the losses agree
     assert run("parameters", files[0], "--threshold", "0,60", "--out", tmp_path / "c.csv") == 0
     selected = rows(tmp_path / "c.csv")[0]
-    assert selected["threshold"].startswith("60 dB under the strongest; of MPCs extracted with 12 dB over noise")
+    assert selected["threshold"].startswith(
+        "60 dB under the strongest; of MPCs extracted with at most 0.05 false MPCs a position by noise"
+    )
     whole = float(selected["path_loss"])
     assert float(profile["path_loss"]) == pytest.approx(whole, abs=0.05)
     capsys.readouterr()

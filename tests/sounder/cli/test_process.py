@@ -53,7 +53,7 @@ def test_a_product_is_as_its_schema_says(campaign, products):
         "back-to-back.h5": hashlib.sha256((campaign / "back-to-back.h5").read_bytes()).hexdigest(),
     }
     options = json.loads(root.attrs["processing_options"])
-    extraction = {"threshold": "usc", "method": "sage"}
+    extraction = {"threshold": "cfar", "method": "sage"}
     others = {"averaging": "coherent", "omnidirectional": "synthesis", "keep_cir": True, "trust_all": False}
     assert options == {**extraction, **others}
     grid = {"azimuth": 12, "elevation": 2}

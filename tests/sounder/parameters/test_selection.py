@@ -12,7 +12,7 @@ from .channels import table
 
 MPCS = table(
     (100e-9, 0, 0, -100), (200e-9, 0, 0, -120), (300e-9, 0, 0, -131), snr=[40.0, 13.0, 20.0]
-).assign_attrs(threshold="usc")  # fmt: skip
+).assign_attrs(threshold="usc", samples=600 * 131068, independent_samples=6e4)  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,7 @@ MPCS = table(
         ("0,inf,2e-7", 2, "delays up to 200 ns; of MPCs extracted with 12 dB over noise"),
         ("15,25,2.5e-7", 1, "15 dB over noise, 25 dB under the strongest, delays up to 250 ns; of MPCs extracted with"),
         ("99", 0, "99 dB over noise; of"),
+        ("cfar", 2, "13.3 dB over noise; of MPCs extracted with 12 dB over noise"),
     ],
 )
 def test_mpcs_over_a_threshold(threshold, kept, text):
