@@ -30,7 +30,8 @@ def draws(bench, late, fainter, count, *, shared, seed):
     for _ in range(count):
         azimuth, elevation, delay = rng.uniform(0, 360), rng.uniform(-9, 9), rng.uniform(30e-9, 800e-9)
         paths = [(-100.0, delay, azimuth, elevation), (-100.0 - fainter, delay + late, azimuth, elevation)]
-        table = extract_mpcs(scan(bench, paths, -100 + HORN - 30, rng, shared=shared), bench.filter_, bench.sounder)
+        cir = scan(bench, paths, -100 + HORN - 30, rng, shared=shared)
+        table = extract_mpcs(cir, bench.filter_, bench.sounder, threshold="usc")
         found.append(table.sizes["mpc"])
         if found[-1] < 2:
             continue

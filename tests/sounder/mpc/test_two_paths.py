@@ -99,7 +99,7 @@ def test_one_path_is_not_split(bench, snr):
     rng = np.random.default_rng(5)
     for _ in range(12):
         path = -100.0, rng.uniform(30e-9, 800e-9), rng.uniform(0, 360), rng.uniform(-11, 11)
-        table = extract_mpcs(scan(bench, [path], -100 + HORN - snr, rng), bench.filter_, bench.sounder)
+        table = extract_mpcs(scan(bench, [path], -100 + HORN - snr, rng), bench.filter_, bench.sounder, threshold="usc")
         assert table.sizes["mpc"] == 1, path
 
 
