@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.power_spectrum import noise_power
+from sounder.quality.noise_floor import FALSE_ALARM
 from sounder.remark import Code, Remark
 
 STRONGEST = 12
@@ -29,9 +31,6 @@ LEAST_LOSS = 0.006
 dense paths make as much (`benchmarks/damage_calibration.py`)."""
 FEWEST = 3
 """Fewest directions that tell. Chosen."""
-SIGMAS = 3.0
-"""Standard errors by which the mean gain of sharpness over the directions must exceed 0. Without an exchange the mean
-is as far below 0 as it is above with one; the errors guard positions whose pulses tell nothing."""
 PHASES = np.exp(1j * np.pi * np.arange(8) / 8)
 """Carrier phases over which the effect of a delay of Q is averaged."""
 
@@ -103,7 +102,8 @@ def remarks_on_quadrature(responses: Complex, deembedding: Deembedding) -> list[
         loss = float(np.mean(sharp_alone - _sharpness(undo(alone), deembedding)))
         gains = _sharpness(undo(seen), deembedding) - sharp
         gain = float(gains.mean())
-        certain = gain > SIGMAS * gains.std() / np.sqrt(gains.size)
+        error = gains.std() / np.sqrt(gains.size - 1)
+        certain = gain > student.isf(FALSE_ALARM, gains.size - 1) * error
         if loss > LEAST_LOSS and certain and gain > max(least_gain * loss, best):
             best, remark = gain, [Remark(code, figure=gain / loss, bound=least_gain)]
     return remark
