@@ -130,13 +130,13 @@ def locate_walls(
     ungrouped[concatenate_rows(group.inliers for group in groups)] = False
     as_measured = split_bent_facades(paths, groups[:number_as_measured], ungrouped, min_support)
     groups = as_measured + groups[number_as_measured:]
-    decision = _decide(table, paths, groups, max_gap)
+    decision = _decide(table, paths, groups, max_gap, min_support)
     # groups with longer delays that are not walls are no evidence about other candidates
     taken = concatenate_rows(wall.inliers for wall in decision.walls)
     valid = [n < len(as_measured) or bool(np.isin(group.inliers, taken).all()) for n, group in enumerate(groups)]
     if not all(valid):
         groups = list(compress(groups, valid))
-        decision = _decide(table, paths, groups, max_gap)
+        decision = _decide(table, paths, groups, max_gap, min_support)
     table, measured = with_wrapped_delays(table, measured, wrapped, decision.walls, count)
     decision, chains, positions = bundle_walls(table, measured, decision, positions, max_gap)
     candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
@@ -154,10 +154,12 @@ def locate_walls(
     return environment, located, positions
 
 
-def _decide(table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float) -> Decision:
+def _decide(table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float, min_support: int) -> Decision:
     """Decide which groups are walls."""
     candidates = [Wall(paths, group.line, group.inliers) for group in groups]
-    return decide_walls(candidates, _minor_walls(paths, groups), lines_of_sight(table), _links(table), max_gap)
+    return decide_walls(
+        candidates, _minor_walls(paths, groups), lines_of_sight(table), _links(table), max_gap, min_support
+    )
 
 
 def _may_be_off_poles(table: "xr.Dataset", explained: IntArray) -> BoolArray:

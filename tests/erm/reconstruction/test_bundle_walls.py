@@ -129,6 +129,7 @@ def test_images_of_two_walls_are_images_of_images():
     assert found.length[0] == pytest.approx(np.hypot(horizontal, 10.5))
 
 
+@pytest.mark.slow
 def test_chains_do_not_pull_positions():
     table = street(1e-10, 0.5, 1, count=16)
     moved = 0.2 * np.random.default_rng(2).standard_normal((16, 2))

@@ -7,7 +7,7 @@ import numpy as np
 
 from erm.geometry.chains import chain_images
 from erm.geometry.vertical import FloatArray, angle_difference, unit
-from erm.reconstruction.decision.multi_bounce import CHAIN_LOSS_TOLERANCE, mirror_of
+from erm.reconstruction.decision.multi_bounce import CHAIN_LOSS_TOLERANCE, MAX_MIRROR_ERROR, mirror_of
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.loss import DIFFUSE_EXCESS_LOSS, reflection_loss
@@ -112,7 +112,11 @@ class ChainSearch:
         of = np.repeat(np.arange(transmitters), len(tried))
         places, slopes = _images(self.images.transmitters[of, :2], chain, lines)
         spread = np.sqrt(np.einsum("cbik,cbkl,cbil->c", slopes, lines.covariance[chain], slopes))
-        near = self.images.near_points(places[-1], of, RING_RADIUS * (self.images.radius + SEARCH_RADIUS * spread))
+        sharp = spread < MAX_MIRROR_ERROR  # a less certain chain agrees with paths off another face of the same facade
+        chain, of, image, spread = chain[sharp], of[sharp], places[-1][sharp], spread[sharp]
+        if not len(chain):
+            return None
+        near = self.images.near_points(image, of, RING_RADIUS * (self.images.radius + SEARCH_RADIUS * spread))
         chain, rows = chain[near.owner], near.rows
         paths = self.paths.take(rows)
         found = predict_chains(paths.tx, paths.rx, chain, lines)

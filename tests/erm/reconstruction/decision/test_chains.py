@@ -5,9 +5,10 @@ import pytest
 
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
+from erm.reconstruction.decision.chains import ChainSearch
 from erm.reconstruction.decision.multi_bounce import is_multi_bounce, mirror_of
 from erm.reconstruction.model.fit import fit_line
-from erm.reconstruction.model.line import seed_line
+from erm.reconstruction.model.line import Lines, seed_line
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.reconstruct import reconstruct
 
@@ -30,6 +31,20 @@ def test_a_double_reflection_is_found_by_the_image_of_the_image():
     assert not is_multi_bounce(wall_of(both, loss=12.0), mirrors[:1])
     assert not is_multi_bounce(wall_of(both, loss=1.0), mirrors)  # a double reflection loses what both walls lose
     assert not is_multi_bounce(wall_of(bounces(tx, rx, WALLS[1]), loss=12.0), mirrors)
+
+
+@pytest.mark.parametrize(("offset_std", "some"), [(0.01, True), (0.4, False)])
+def test_walls_that_are_known_badly_explain_no_chains(offset_std, some):
+    # with an unknown clock both sides of a street are uncertain by decimetres: the face beside them fits as well
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    walls = [wall_of(bounces(tx, rx, WALLS[i])) for i in (0, 2)]
+    lines = Lines.from_list([wall.line._replace(covariance=np.diag([0.01, offset_std]) ** 2) for wall in walls])
+    joint = np.zeros((2, 2, 2, 2))
+    joint[[0, 1], :, [0, 1]] = lines.covariance
+    both = paths_of(bounces(tx, rx, WALLS[0], WALLS[2]), loss=12.0)
+    found = ChainSearch(walls, both, 60.0).find(lines, joint)
+    assert bool(found) == some
 
 
 @pytest.mark.parametrize("chain", [(0, 3), (3, 0), (0, 2), (1, 0)])
