@@ -6,12 +6,12 @@ project's folder, commands in ``demo-output``. A block may be prepared by anothe
 """
 
 import glob
-import os
+import io
 import re
 import shlex
 import shutil
-import subprocess
 import sys
+from contextlib import chdir, redirect_stderr
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,8 +20,8 @@ import pytest
 from sybil import Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
-import erm
-import sounder
+import erm.cli
+import sounder.cli
 
 PROJECT = Path(__file__).parents[1]
 DOCUMENTS = ["README.md", "CONTRIBUTING.md", "calibration/README.md"]
@@ -39,10 +39,16 @@ WRITTEN = (
 STUDY = "erm letter"  # ten minutes; `tests/sounder/campaign/test_letter_study.py` runs all parts of it
 
 
-def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a line of shell with the commands of this environment."""
-    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    return subprocess.run(command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+def run(line: str, folder: Path) -> tuple[int, str]:
+    """Run a command line as a shell would, in this process; return its exit code and what it says on stderr."""
+    command, *words = shlex.split(line, comments=True)
+    with chdir(folder), redirect_stderr(io.StringIO()) as errors, pytest.MonkeyPatch.context() as patch:
+        arguments = [name for word in words for name in sorted(glob.glob(word)) or [word]]
+        patch.setattr(sys, "argv", [command, *arguments])
+        with pytest.raises(SystemExit) as stop:
+            {"sounder": sounder.cli, "erm": erm.cli}[command].main()
+    plt.close("all")
+    return int(stop.value.code or 0), errors.getvalue()
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +66,8 @@ def project(tmp_path_factory) -> Path:
     demo = "sounder simulate examples/scenes/uma.toml --out demo-output"
     process = "sounder process raw/*.h5 --calibration back-to-back.h5 --out products"
     for command, place in ((demo, folder), (process, folder / "demo-output")):
-        done = run(command, place)
-        assert done.returncode == 0, done.stderr
+        code, errors = run(command, place)
+        assert code == 0, errors
     table, _ = erm.read_mpcs(sorted((folder / "demo-output" / "products").glob("*.h5")))
     last = table["position"].values == "RX9_L"
     erm.write_mpcs(table.isel(mpc=~last), folder / "demo-output" / "mpcs.csv")  # for a user's own tables of MPCs
@@ -88,8 +94,8 @@ def test_examples_of_documents_run(document, project, monkeypatch, subtests):
             with subtests.test(line):
                 if line.startswith(STUDY) or (missing := absent(line, folder)):
                     pytest.skip(f"{document}: {line}: {'takes long' if line.startswith(STUDY) else missing}")
-                done = run(line, folder)
-                assert done.returncode == 0, f"{line}\n{done.stderr}"
+                code, errors = run(line, folder)
+                assert code == 0, f"{line}\n{errors}"
 
     def write(example: Example) -> None:
         # a file whose name stands in the line above its content

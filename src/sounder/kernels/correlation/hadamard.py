@@ -21,9 +21,14 @@ References
 
 from typing import Any
 
-from sounder.kernels.compiler.compile import part
+import numpy as np
+
+from sounder.kernels.compiler.compile import part, part_with_literals
 
 Array = Any
+
+ROW = 16
+"""Numbers of a row: float32, a cache line."""
 
 
 @part
@@ -56,10 +61,25 @@ def scatter(sums: Array, rows: Array, spc: int, stride: int, first: int, z: Arra
 
 
 @part
-def walsh_hadamard(z: Array, row: int) -> None:
-    """Transform z (flat, 2**m rows) over its rows, natural order, in place: radix 4, then 2 if m is odd."""
-    half = row
-    while half * 4 <= z.size:
+def walsh_hadamard(z: Array) -> None:
+    """Transform z (flat, 2**m rows of :data:`ROW`, m = 7 to 15) over its rows, natural order, in place.
+
+    Radix 8 as often as possible, then 4 or 2. The additions are those of radix 2 in their order, so that the result is
+    the same to the last bit.
+    """
+    radix_8(z, 16)
+    radix_8(z, 128)
+    half = 1024
+    if z.size >= 8192:
+        radix_8(z, 1024)
+        half = 8192
+    if z.size >= 65536:
+        radix_8(z, 8192)
+        half = 65536
+    if z.size >= 524288:
+        radix_8(z, 65536)
+        half = 524288
+    if 4 * half <= z.size:
         for start in range(0, z.size, 4 * half):
             a = z[start : start + half]
             b = z[start + half : start + 2 * half]
@@ -73,6 +93,27 @@ def walsh_hadamard(z: Array, row: int) -> None:
         a, b = z[:half], z[half:]
         for k in range(half):
             a[k], b[k] = a[k] + b[k], a[k] - b[k]
+
+
+@part_with_literals
+def radix_8(z: Array, half: int) -> None:
+    """Transform over three bits of the row, those worth ``half``, ``2 * half`` and ``4 * half`` numbers.
+
+    With a number that is written in the source and indices that cannot be negative, the compiler knows that the eight
+    numbers are apart, and takes as many columns at a time as a register holds.
+    """
+    h, two, four = np.uint64(half), np.uint64(2 * half), np.uint64(4 * half)
+    for start in range(0, z.size, 8 * half):
+        for column in range(half):
+            i = np.uint64(start) + np.uint64(column)
+            j, k, m = i + h, i + two, i + two + h
+            n, o, p, q = i + four, j + four, k + four, m + four
+            a, b, c, d = z[i] + z[j], z[i] - z[j], z[k] + z[m], z[k] - z[m]
+            s, t, v, w = z[n] + z[o], z[n] - z[o], z[p] + z[q], z[p] - z[q]
+            a, b, c, d = a + c, b + d, a - c, b - d
+            s, t, v, w = s + v, t + w, s - v, t - w
+            z[i], z[j], z[k], z[m] = a + s, b + t, c + v, d + w
+            z[n], z[o], z[p], z[q] = a - s, b - t, c - v, d - w
 
 
 @part

@@ -12,11 +12,9 @@ import numpy as np
 
 from sounder.kernels.compiler.compile import jit, part
 from sounder.kernels.correlation import accumulate, hadamard
+from sounder.kernels.correlation.hadamard import ROW
 from sounder.kernels.correlation.permutations import Permutations
-from sounder.kernels.correlation.tables import LINE, TAIL, Kernels, State, Tables, new_state
-
-ROW = LINE // 4
-"""Numbers of a row: float32, a cache line."""
+from sounder.kernels.correlation.tables import TAIL, Kernels, State, Tables, new_state
 
 Array = Any
 
@@ -68,7 +66,7 @@ def add_int16(x: Array, before: int, tables: Tables, state: State) -> None:
         place(capture, state.sums, spc, rows, (before + i) % slots * chip // 2, z)
         count = before + i + 1
         if count % slots == 0 or i + 1 == x.shape[0]:
-            hadamard.walsh_hadamard(z, ROW)
+            hadamard.walsh_hadamard(z)
             add_power(z, state.power)
         if count % accumulate.FLUSH_POWER == 0:
             accumulate.flush(state.power, state.power_total)
@@ -91,7 +89,7 @@ def add_float32(x: Array, before: int, tables: Tables, state: State) -> None:
         place(capture, state.sums, spc, rows, (before + i) % slots * chip // 2, z)
         count = before + i + 1
         if count % slots == 0 or i + 1 == x.shape[0]:
-            hadamard.walsh_hadamard(z, ROW)
+            hadamard.walsh_hadamard(z)
             add_power(z, state.power)
         if count % accumulate.FLUSH_POWER == 0:
             accumulate.flush(state.power, state.power_total)
@@ -104,7 +102,7 @@ def means(count: int, tables: Tables, state: State, correlation: Array, power: A
     accumulate.mean_power(state.power, state.power_total, count, spc, tables.chip, tables.stride, positions, power)
     accumulate.mean_capture(state.samples, state.samples_total, count, state.capture)
     place(state.capture, state.sums, spc, tables.rows, 0, z)
-    hadamard.walsh_hadamard(z, ROW)
+    hadamard.walsh_hadamard(z)
     hadamard.unpermute(z, ROW, positions, spc, tables.polarity, correlation)
     z[:] = 0
 
@@ -117,7 +115,7 @@ def correlate_float32(x: Array, tables: Tables, state: State, out: Array) -> Non
         for t in range(x.shape[1]):
             state.capture[t] = x[i, t]
         place(state.capture, state.sums, spc, tables.rows, 0, z)
-        hadamard.walsh_hadamard(z, ROW)
+        hadamard.walsh_hadamard(z)
         hadamard.unpermute(z, ROW, tables.positions, spc, tables.polarity, out[i])
         z[:] = 0
 
