@@ -46,18 +46,23 @@ def chip_sums(capture: Array, spc: int, sums: Array) -> None:
 
 
 @part
-def scatter(sums: Array, rows: Array, spc: int, stride: int, first: int, z: Array) -> None:
-    """Write chip n (spc complex numbers) to row ``rows[n]`` of z, ``stride`` apart, from ``first`` on."""
-    if spc == 2:
-        for n in range(rows.size):
-            p = stride * rows[n] + first
-            even, odd = sums[2 * n], sums[2 * n + 1]
-            z[p], z[p + 1] = even, odd
+def gather(sums: Array, chips: Array, spc: int, chip: int, z: Array) -> None:
+    """Fill row r of z with chip ``chips[r]`` of each capture in ``sums`` (capture, number), flat; row 0 with zeros.
+
+    Rows are written in their order: processors read here and there faster than they write.
+    """
+    captures, numbers = ROW // chip, 2 * spc * (chips.size - 1)
+    z[:ROW] = 0
+    if spc == 2:  # a chip is as large as a number of complex128
+        pairs, places = sums.view(np.complex128), z.view(np.complex128)
+        for r in range(1, chips.size):
+            for c in range(captures):
+                places[np.uint64(captures * r + c)] = pairs[np.uint64(c * (numbers // chip) + chips[r])]
         return
-    for n in range(rows.size):
-        p = stride * rows[n] + first
-        for c in range(spc):
-            z[p + c] = sums[spc * n + c]
+    for r in range(1, chips.size):
+        for c in range(captures):
+            for t in range(2 * spc):
+                z[ROW * r + chip * c + t] = sums[numbers * c + 2 * spc * chips[r] + t]
 
 
 @part

@@ -36,15 +36,17 @@ def test_chip_sums_are_running_sums_over_a_chip(spc):
     np.testing.assert_array_equal(sums.reshape(-1, 2), expected)
 
 
-@pytest.mark.parametrize("spc", [2, 3])
-def test_what_is_scattered_is_gathered_again(spc):
+@pytest.mark.parametrize("spc", [1, 2, 3, 4])
+def test_chips_of_captures_are_gathered_side_by_side(spc):
     rng = np.random.default_rng(spc)
-    chips, stride = 7, 5
-    rows = rng.permutation(chips) + 1
-    sums = rng.standard_normal((chips * spc, 2)) @ [1, 1j]
-    z = np.zeros(stride * (chips + 1), complex)
-    hadamard.scatter(sums, rows, spc, stride, 1, z)
-    assert not z.reshape(-1, stride)[0].any()
+    chips, chip = 7, 8 if spc == 3 else 2 * spc
+    captures = hadamard.ROW // chip
+    order = np.array([0, *rng.permutation(chips)])
+    sums = rng.standard_normal((captures, chips, 2 * spc)).astype(np.float32)
+    z = np.full((chips + 1, captures, chip), 9, np.float32)
+    hadamard.gather(sums.ravel(), order, spc, chip, z.reshape(-1))
+    assert not z[0].any()
+    np.testing.assert_array_equal(z[1:, :, : 2 * spc], sums[:, order[1:]].swapaxes(0, 1))
     out = np.empty(2 * spc * chips)
-    hadamard.unpermute(z.view(float)[2:], 2 * stride, rows, spc, 2.0, out)
-    np.testing.assert_array_equal(out.view(complex), 2 * sums)
+    hadamard.unpermute(z.ravel(), hadamard.ROW, np.argsort(order[1:]) + 1, spc, 2.0, out)
+    np.testing.assert_array_equal(out.reshape(chips, 2 * spc), 2 * sums[0])
