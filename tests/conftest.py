@@ -31,6 +31,7 @@ LONG_TESTS = (
     "tests/sounder/mpc/test_fan.py",
     "tests/sounder/processing/test_cluster.py",
     "tests/sounder/processing/test_raytraced.py",
+    "tests/sounder/report/test_browser.py",
     "tests/test_packaging.py::test_the_letters_study",
 )
 """Tests that take ten seconds or more; `make long` runs them."""

@@ -67,16 +67,21 @@ class Page:
 
     def remove_outdated(self) -> None:
         """Remove the page of an earlier run."""
-        try:
-            self._target.unlink(missing_ok=True)
-        except OSError as error:
-            raise DataError(f"{self._target}: cannot be written ({error.strerror}); choose a writable folder") from None
+        remove_outdated(self._target)
 
     def write(self) -> Path:
         """Write the page."""
         with atomic_path(self._target) as temporary:
             temporary.write_text("\n\n".join(self._blocks) + "\n", encoding="utf-8")
         return self._target
+
+
+def remove_outdated(page: Path) -> None:
+    """Remove the page of an earlier run, so that it does not stand beside other results."""
+    try:
+        page.unlink(missing_ok=True)
+    except OSError as error:
+        raise DataError(f"{page}: cannot be written ({error.strerror}); choose a writable folder") from None
 
 
 def cell(value: object) -> str:

@@ -12,11 +12,13 @@ from erm.common.console import counted
 from erm.maps.environment import Environment
 from erm.maps.reflectors import counted_reflectors
 from erm.reconstruction.summary import explain_unused
+from sounder.parameters.statistics import Statistic
+from sounder.recordings.recording import BackToBack
 
 if TYPE_CHECKING:
     from sounder.campaign.description import Campaign
 
-PRODUCTS, FIGURES, TABLE, POINTS, REPORT = "products", "figures", "mpcs.csv", "reflection-points.csv", "report.md"
+PRODUCTS, FIGURES, TABLE, POINTS, REPORT = "products", "figures", "mpcs.csv", "reflection-points.csv", "report.html"
 PARAMETERS, STATISTICS, POINT_DATA = "parameters.csv", "statistics.csv", "point-data.csv"
 """Names of files and folders in the folder of a campaign."""
 
@@ -42,6 +44,12 @@ class CampaignResult:
         The same, as :func:`erm.reconstruct` returns them.
     environment : Environment
         The map.
+    parameters : xarray.Dataset
+        Channel parameters of the positions.
+    statistics : list of Statistic
+        Of the parameters.
+    calibrations : list of BackToBack
+        Back-to-back recordings that the positions were calibrated by.
     outline : array (segment, 2 ends, 2) or None
         Known faces for the score [m].
     score : dict
@@ -62,6 +70,9 @@ class CampaignResult:
     table: xr.Dataset
     located: xr.Dataset
     environment: Environment
+    parameters: xr.Dataset
+    statistics: list[Statistic]
+    calibrations: list[BackToBack]
     outline: NDArray[Any] | None = None
     score: dict[str, Any] = field(default_factory=dict)
     figures: dict[Path, list[Path]] = field(default_factory=dict)

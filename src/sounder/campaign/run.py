@@ -14,7 +14,7 @@ from erm.common import console
 from erm.common.errors import DataError
 from erm.common.optional import require_library
 from erm.common.outputs import locked, protect_inputs, require_folder
-from erm.common.page import Page
+from erm.common.page import remove_outdated
 from erm.common.storage import clear_leftovers, open_group
 from erm.evaluation.evaluate_map import evaluate_map
 from erm.figures import plot_map
@@ -28,7 +28,7 @@ from erm.reconstruction.make_map import make_map
 from erm.survey.position_files import positions_of
 from erm.survey.report import warnings
 from sounder.campaign.description import Campaign, load_campaign
-from sounder.campaign.page import fill_page
+from sounder.campaign.page import page_contents
 from sounder.campaign.result import (
     FIGURES,
     PARAMETERS,
@@ -44,11 +44,12 @@ from sounder.campaign.result import (
 from sounder.campaign.survey import remarks_on_survey
 from sounder.figures.files import figure_paths, is_up_to_date
 from sounder.figures.processes import each_drawn
-from sounder.parameters.statistics import campaign_statistics
+from sounder.parameters.statistics import Statistic, campaign_statistics
 from sounder.processing.channel_parameters import channel_parameters
 from sounder.processing.parameter_tables import write_parameters, write_statistics
 from sounder.processing.pipeline import process
 from sounder.processing.point_data import write_point_data
+from sounder.report.page import write_page
 
 
 def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None) -> CampaignResult:
@@ -96,7 +97,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
     jobs, failures = campaign.jobs(out)
     outputs = _outputs(campaign, out)
     protect_inputs(outputs, {*campaign.inputs, *(job.recording.source for job in jobs)})
-    Page(out, REPORT).remove_outdated()
+    remove_outdated(out / REPORT)
     for path in outputs:
         clear_leftovers(path)
     processing = campaign.processing
@@ -116,7 +117,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
         raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
     table, problems = read_mpcs(outcome.products)
     write_mpcs(table, out / TABLE)
-    _write_parameters(outcome.products, out)
+    parameters, statistics = _write_parameters(outcome.products, out)
     environment, located = _make_map(campaign, table, outcome.products)
     for suffix in campaign.map.formats:
         write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located), positions=positions_of(located))
@@ -130,6 +131,9 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
         table,
         located,
         environment,
+        parameters,
+        statistics,
+        list({job.b2b.source: job.b2b for job in jobs}.values()),
         outline,
         notes=[*outcome.notes, *warnings(environment)],
         internal=outcome.internal,
@@ -167,12 +171,14 @@ def _check_outputs(campaign: Campaign, out: Path) -> NDArray[Any] | None:
     return None if outline is None else known_faces(outline, georeference=georeference)
 
 
-def _write_parameters(products: Sequence[Path], out: Path) -> None:
-    """Tables of channel parameters."""
+def _write_parameters(products: Sequence[Path], out: Path) -> tuple[xr.Dataset, list[Statistic]]:
+    """Channel parameters and their statistics, written as tables."""
     parameters, _ = channel_parameters(products)
+    statistics = campaign_statistics(parameters)
     write_parameters(parameters, out / PARAMETERS)
-    write_statistics(campaign_statistics(parameters), out / STATISTICS)
+    write_statistics(statistics, out / STATISTICS)
     write_point_data(parameters, out / POINT_DATA, products=products)
+    return parameters, statistics
 
 
 def _make_map(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -> tuple[Environment, xr.Dataset]:
@@ -195,9 +201,7 @@ def _make_map(campaign: Campaign, table: xr.Dataset, products: Sequence[Path]) -
 
 
 def _write_page(result: CampaignResult) -> None:
-    page = Page(result.out, REPORT)
-    fill_page(result, page)
-    page.write()
+    write_page(page_contents(result), result.out / REPORT)
 
 
 def _figures_to_draw(result: CampaignResult) -> list[Path]:

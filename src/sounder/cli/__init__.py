@@ -12,6 +12,7 @@ from erm.common import console
 from erm.common.outputs import protect_inputs, require_folder
 from sounder.cli.check import check
 from sounder.cli.parameters import parameters
+from sounder.cli.report import report
 from sounder.cli.verify import verify
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options
 
@@ -274,6 +275,7 @@ def score(
 
 app.command()(check)
 app.command()(parameters)
+app.command()(report)
 app.command()(verify)
 
 

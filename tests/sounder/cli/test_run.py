@@ -19,7 +19,7 @@ from sounder.processing.jobs import gather
 from .commands import digest, facts, names, run
 
 FILES = [
-    "map.geojson", "map.h5", "mpcs.csv", "parameters.csv", "point-data.csv", "reflection-points.csv", "report.md",
+    "map.geojson", "map.h5", "mpcs.csv", "parameters.csv", "point-data.csv", "reflection-points.csv", "report.html",
     "statistics.csv",
 ]  # fmt: skip
 TEXT = """
@@ -86,37 +86,37 @@ def test_one_command_makes_products_table_map_figures_and_report(made):
     assert inputs == {name.removeprefix("products/"): sha for name, sha in digest(out).items() if "products" in name}
 
 
+def data_of(out: Path) -> dict:
+    """Data of the page of a campaign."""
+    text = (out / "report.html").read_text(encoding="utf-8")
+    return json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
+
+
 @pytest.mark.slow
-def test_the_report_shows_every_position_wall_and_error(made):
+def test_the_page_shows_every_position_wall_and_error(made):
     out = made / "street"
-    text = (out / "report.md").read_text(encoding="utf-8")
-    assert text.startswith("# street\n\n2 positions and ")
-    for link in re.findall(r"\]\(([^)#]+)\)", text):  # each file that it links is there
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "<h1>street</h1>" in text
+    for link in re.findall(r'href="([^"#]+)"', text):  # each file that it links is there
         assert (out / link).is_file(), link
-    for heading in ("## Map", "## Score", "## Set-up", "## Positions", "### RX1", "### RX2"):
-        assert f"\n{heading}\n" in text
-    assert "## What failed" not in text
-    assert "![Map of the walls, reflection points, TX and RX](figures/map.png)" in text
-    assert "![DAPS and MPCs of RX2](figures/RX2_daps.png)" in text
+    assert "What failed" not in text
     assert "small sounder, 132 GHz" in text
-    # the direct path of RX1 as the product has it, to the second digit of its error
+    data = data_of(out)
+    assert [one["name"] for one in data["positions"]] == ["RX1", "RX2"]
+    assert len(data["calibrations"][0]["response"]) > 10
+    # the direct path of RX1 as the product has it
     first = open_group(out / "products" / "RX1.h5", "/mpc").isel(mpc=0)
-    delay, std = (float(first[name]) * 1e9 for name in ("delay", "delay_std"))
-    shown = re.search(r"^\| ([\d.]+) ± ([\d.]+) \|.* direct path \|$", text.partition("### RX1")[2], re.MULTILINE)
-    assert shown is not None
-    assert float(shown[2]) == pytest.approx(std, rel=0.06)
-    assert float(shown[1]) == pytest.approx(delay, abs=std / 10)
+    assert data["mpcs"]["delay"][0] == pytest.approx(float(first["delay"]) * 1e9, abs=1e-3)
+    assert data["mpcs"]["delay_std"][0] == pytest.approx(float(first["delay_std"]) * 1e9, abs=1e-4)
+    assert data["mpcs"]["uses"][data["mpcs"]["use"][0]] == "direct path"
     # walls: what the map holds, with its errors
     walls = open_group(out / "map.h5")
-    assert walls.sizes["reflector"] > 0
-    rows = [line.split(" | ") for line in text.splitlines() if re.match(r"\| \d+ \| wall \|", line)]
-    assert len(rows) == np.sum(walls["kind"].values == "wall")
-    for number, row in enumerate(rows):
-        offset, error = map(float, row[3].split(" ± "))
-        assert offset == pytest.approx(walls["offset"].values[number], abs=error)
-        assert error == pytest.approx(np.sqrt(walls["offset_variance"].values[number]), rel=0.06)
+    assert len(data["reflectors"]) == walls.sizes["reflector"] > 0
+    for number, shown in enumerate(data["reflectors"]):
+        assert shown["offset"] == pytest.approx(walls["offset"].values[number], abs=1e-4)
+        assert shown["offset_std"] == pytest.approx(np.sqrt(walls["offset_variance"].values[number]), abs=1e-4)
     # the truth is a room of four walls, and what is found stands on them
-    assert f"| walls on the map | {len(rows)} |\n| false walls, where the outline has no face | 0 |" in text
+    assert ">false walls, where the outline has no face</th><td>0</td>" in text
 
 
 @pytest.mark.slow
@@ -207,7 +207,7 @@ def test_a_layout_or_description_that_changed_makes_products_anew(campaign, join
 def test_an_interrupted_run_goes_on_to_the_same_bytes(made, copied, monkeypatch, capsys):
     shutil.copy(made / "street.toml", copied)
     (copied / "street").mkdir()
-    (copied / "street" / "report.md").write_text("of an earlier run")
+    (copied / "street" / "report.html").write_text("of an earlier run")
     process = pipeline.process_position
 
     def stopped(job, target, *arguments, **keywords):
@@ -239,17 +239,16 @@ def test_a_position_that_fails_is_named_and_the_rest_is_done(written, copied, ca
         assert run("run", written()) == 1
         printed = capsys.readouterr()
         assert f"2 products; {already} of 2 positions kept from an earlier run" in printed.out
-        said.append((printed.err, (copied / "street" / "report.md").read_bytes()))
+        said.append((printed.err, (copied / "street" / "report.html").read_bytes()))
     assert said[0] == said[1]
     broken, zero = said[0][0].splitlines()
     assert broken.startswith(f"{copied / 'RX0.h5'}: not an HDF5 file")
     assert zero.startswith(f"{copied / 'RX2.h5'}: RX2: all samples are zero in 1 of 24 directions")
     assert names(copied / "street" / "products") == ["RX1.h5", "RX2.h5"]
-    text = said[0][1].decode()
-    failed = text.partition("## What failed\n\n")[2].partition("\n\n")[0].splitlines()
-    assert [line.partition(": ")[0] for line in failed] == ["- RX0.h5", "- RX2.h5"]  # from the campaign's folder
-    assert "| [RX2](#rx2) | yes |" in text
-    assert "| 0 | 1 | 1 failure |" in text
+    failed = re.search(r"What failed</h3>(.*?)</ul>", said[0][1].decode(), re.DOTALL)[1]
+    assert re.findall("<li>(.*?):", failed) == ["RX0.h5", "RX2.h5"]  # from the campaign's folder
+    second = data_of(copied / "street")["positions"][1]
+    assert (second["name"], second["missing"], second["problems"], len(second["failures"])) == ("RX2", 0, 1, 1)
     assert run("info", copied / "street" / "products" / "RX2.h5") == 0
     assert facts(capsys)["failure"] == zero.removeprefix(f"{copied / 'RX2.h5'}: RX2: ")
 
@@ -316,9 +315,9 @@ def test_formats_of_map_and_figures_and_the_place_on_earth(written, copied, caps
     assert not (out / "map.h5").exists()
     georeference = json.loads((out / "map.geojson").read_text())["georeference"]
     assert georeference == {"latitude": 48.1, "longitude": 11.5, "height": 520.0, "heading": 30.0}
-    text = (out / "report.md").read_text(encoding="utf-8")
-    assert "\n[Map of the walls, reflection points, TX and RX](figures/map.pdf)\n" in text  # Markdown shows no PDF
-    assert "| origin | 48.1, 11.5, 520 m; heading 30 degrees |" in text
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "<dt>origin</dt><dd>48.1, 11.5, 520 m; heading 30 degrees</dd>" in text
+    assert data_of(out)["north"] == 30.0
 
 
 @pytest.mark.slow
@@ -332,6 +331,6 @@ def test_a_campaign_of_noise_gives_an_empty_map(written, copied, capsys):
             file["iq"][()] = np.round(rms[..., None, None, None] * rng.standard_normal(file["iq"].shape))
     assert run("run", written()) == 0
     assert "map: 0 walls and 0 poles from 0 of 0 MPCs" in capsys.readouterr().out
-    text = (copied / "street" / "report.md").read_text(encoding="utf-8")
+    text = (copied / "street" / "report.html").read_text(encoding="utf-8")
     assert "No reflector was found." in text
-    assert text.count("\nNo MPCs.\n") == 2
+    assert data_of(copied / "street")["mpcs"]["delay"] == []

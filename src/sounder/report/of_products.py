@@ -1,0 +1,53 @@
+"""The page of any products, without a campaign file."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from erm.common.console import counted
+from erm.common.page import cell
+from erm.common.storage import open_group
+from erm.mpcs.files import read_mpcs
+from erm.reconstruction.make_map import make_map
+from erm.survey.report import warnings
+from sounder.parameters.statistics import campaign_statistics
+from sounder.processing.channel_parameters import channel_parameters, notes_on_parameters
+from sounder.report.contents import Contents
+
+
+def contents_of_products(products: Sequence[Path], title: str) -> Contents:
+    """Make map and parameters of products with the defaults of ``erm reconstruct`` and ``sounder parameters``.
+
+    Parameters
+    ----------
+    products : sequence of Path
+    title : str
+
+    Raises
+    ------
+    DataError
+        No product can be used.
+    """
+    table, problems = read_mpcs(products)
+    environment, located = make_map(table, history="sounder report", inputs=products)
+    parameters, unusable = channel_parameters(products)
+    usable = set(parameters["file"].values.tolist())
+    roots = {path: open_group(path) for path in products if path.name in usable}
+    options = dict.fromkeys(root.attrs["processing_options"] for root in roots.values())
+    return Contents(
+        title=title,
+        summary=[
+            f"{counted(len(roots), 'position')} and {counted(table.sizes['mpc'], 'MPC')}. Made by sounder report."
+        ],
+        products=roots,
+        located=located,
+        environment=environment,
+        parameters=parameters,
+        statistics=campaign_statistics(parameters),
+        failures=list(dict.fromkeys([*problems, *unusable])),
+        notes=[*warnings(environment), *notes_on_parameters(parameters)],
+        settings=[
+            ("processing", ", ".join(f"{name} {cell(value)}" for name, value in json.loads(one).items()))
+            for one in options
+        ],
+    )
