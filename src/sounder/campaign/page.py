@@ -36,6 +36,7 @@ def page_contents(result: "CampaignResult") -> Contents:
         title=campaign.name,
         summary=summary,
         products=result.products,
+        table=result.table,
         located=result.located,
         environment=result.environment,
         parameters=result.parameters,

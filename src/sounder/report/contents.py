@@ -24,8 +24,8 @@ class Contents:
         Sentences under the title.
     products : mapping of Path to xarray.Dataset
         Products and their root groups.
-    located : xarray.Dataset
-        MPCs of all positions, as :func:`erm.reconstruct` returns them.
+    table, located : xarray.Dataset
+        MPCs of all positions, as measured and as :func:`erm.reconstruct` returns them.
     environment : Environment
         The map.
     parameters : xarray.Dataset
@@ -47,6 +47,7 @@ class Contents:
     title: str
     summary: Sequence[str]
     products: Mapping[Path, xr.Dataset]
+    table: xr.Dataset
     located: xr.Dataset
     environment: Environment
     parameters: xr.Dataset

@@ -15,7 +15,7 @@ COLUMNS = {"delay": 1e9, "azimuth": 1.0, "elevation": 1.0, "path_gain": 1.0}
 
 
 def mpc_columns(contents: Contents) -> dict[str, Any]:
-    """Columns of all MPCs.
+    """Columns of all MPCs, as measured, and their use.
 
     Returns
     -------
@@ -42,8 +42,8 @@ def mpc_columns(contents: Contents) -> dict[str, Any]:
         "loss": rounded(located["reflection_loss"].values, 1),
     }
     for name, scale in COLUMNS.items():
-        columns[name] = rounded(located[name].values * scale, 3)
-        columns[f"{name}_std"] = rounded(located[f"{name}_std"].values * scale, 4)
+        columns[name] = rounded(contents.table[name].values * scale, 3)
+        columns[f"{name}_std"] = rounded(contents.table[f"{name}_std"].values * scale, 4)
     return columns
 
 

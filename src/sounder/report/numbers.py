@@ -18,7 +18,9 @@ def rounded(values: ArrayLike, digits: int) -> Any:
     [1.23, None]
     """
     array = np.asarray(values, float)
-    return np.where(np.isfinite(array), np.round(array, digits).astype(object), None).tolist()
+    known: NDArray[np.object_] = np.atleast_1d(np.round(array, digits)).astype(object)
+    known[~np.isfinite(np.atleast_1d(array))] = None
+    return known.reshape(array.shape).tolist()
 
 
 def with_error(value: float | None, std: float | None) -> str:

@@ -40,6 +40,7 @@ def contents_of_products(products: Sequence[Path], title: str) -> Contents:
             f"{counted(len(roots), 'position')} and {counted(table.sizes['mpc'], 'MPC')}. Made by sounder report."
         ],
         products=roots,
+        table=table,
         located=located,
         environment=environment,
         parameters=parameters,

@@ -136,8 +136,7 @@ def test_what_exists_is_not_made_again(made, capsys):
 @pytest.mark.slow
 def test_the_page_is_there_before_figures_and_says_afterwards_which_failed(made, copied, monkeypatch, capsys):
     def drawing(products, out, *, suffix):
-        page = (out.parent / "report.md").read_text(encoding="utf-8")
-        assert "![PDP of RX2](figures/RX2_pdp.png)" in page
+        assert (out.parent / "report.html").is_file()
         assert names(out) == ["map.png"]  # those of an older product are gone
         yield [], "RX2.h5: no room for figures"
 
@@ -147,9 +146,8 @@ def test_the_page_is_there_before_figures_and_says_afterwards_which_failed(made,
     monkeypatch.setattr(campaign_run, "each_drawn", drawing)
     assert run("run", copied / "street.toml") == 1
     assert capsys.readouterr().err == "RX2.h5: no room for figures\n"
-    page = (copied / "street" / "report.md").read_text(encoding="utf-8")
-    assert "## What failed\n\n- RX2.h5: no room for figures\n" in page
-    assert "PDP of RX2" not in page
+    page = (copied / "street" / "report.html").read_text(encoding="utf-8")
+    assert "<li>RX2.h5: no room for figures</li>" in page
 
 
 @pytest.mark.slow

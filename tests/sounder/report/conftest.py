@@ -43,7 +43,8 @@ def contents(tmp_path_factory) -> Contents:
     links = [
         link.assign(position=("mpc", np.full(link.sizes["mpc"], name))) for link, name in zip(links, NAMES, strict=True)
     ]
-    environment, located = make_map(xr.concat(links, dim="mpc"), history="test", as_given=True)
+    table = xr.concat(links, dim="mpc")
+    environment, located = make_map(table, history="test", as_given=True)
     folder = tmp_path_factory.mktemp("page")
     products = {}
     for number, (link, name) in enumerate(zip(links, NAMES, strict=True)):
@@ -77,6 +78,7 @@ def contents(tmp_path_factory) -> Contents:
         title=HOSTILE,
         summary=[HOSTILE],
         products=products,
+        table=table,
         located=located,
         environment=environment,
         parameters=parameters,
