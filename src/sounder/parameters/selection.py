@@ -82,6 +82,19 @@ def select_mpcs(mpcs: xr.Dataset, threshold: Threshold | None = None) -> Selecti
     return Selection(mpcs.isel(mpc=np.flatnonzero(known)), "mpcs", text, "no noise in MPCs", "removed")
 
 
+def extraction_margin(mpcs: xr.Dataset) -> float:
+    """Least power over the noise floor of a beam by which MPCs of a product were found [dB]; NaN if not known."""
+    attributes = mpcs.attrs
+    if "threshold" not in attributes:
+        return float("nan")
+    threshold = Threshold.of(attributes["threshold"])
+    if threshold.noise_margin is not None:
+        return threshold.noise_margin
+    if "independent_samples" not in attributes:
+        return float("nan")
+    return noise_margin(threshold, attributes["samples"], attributes["independent_samples"])
+
+
 def select_pdp(daps: xr.Dataset, threshold: Threshold | None = None) -> Selection:
     """Samples of an omnidirectional PDP over a threshold, as paths without directions.
 

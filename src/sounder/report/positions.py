@@ -46,7 +46,7 @@ def describe_position(product: Path, root: xr.Dataset, located: xr.Dataset) -> d
         "missing": int(root.attrs["missing_directions"]),
         "problems": int(root.attrs["problem_directions"]),
         "daps": reduce_daps(daps),
-        "pdp": reduce_pdp(daps, open_group(product, "/mpc").attrs.get("threshold")),
+        "pdp": reduce_pdp(daps, open_group(product, "/mpc")),
     }
 
 

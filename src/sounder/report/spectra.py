@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from sounder.figures.products import DYNAMIC_RANGE, elevations_shown, last_visible_delay, strongest_elevation
-from sounder.options import Threshold
+from sounder.parameters.selection import extraction_margin
 from sounder.report.numbers import rounded
 
 MAX_CELLS = 12_288
@@ -45,7 +45,7 @@ def reduce_daps(daps: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def reduce_pdp(daps: xr.Dataset, threshold: str | None) -> dict[str, Any]:
+def reduce_pdp(daps: xr.Dataset, mpcs: xr.Dataset) -> dict[str, Any]:
     """Omnidirectional PDP, the noise floor of the beams without the boresight gain, and the least power of an MPC.
 
     Returns
@@ -57,13 +57,12 @@ def reduce_pdp(daps: xr.Dataset, threshold: str | None) -> dict[str, Any]:
     shown = daps.isel(delay=np.flatnonzero(daps["delay"].values <= last_visible_delay(daps)))
     power = _strongest(shown["pdp"].values[None].astype(float), MAX_BINS)[0]
     floor = float(daps["noise_floor"].median()) - float(daps.attrs.get("rx_antenna_gain", 0.0))
-    margin = Threshold.of(threshold).noise_margin if threshold else np.nan
     return {
         **_delays(shown, power.size),
         "power": rounded(power, 1),
         "made": str(daps["pdp"].attrs.get("long_name", "")).rpartition(": ")[2],
         "floor": rounded(floor, 1),
-        "threshold": rounded(floor + margin, 1),
+        "threshold": rounded(floor + extraction_margin(mpcs), 1),
     }
 
 

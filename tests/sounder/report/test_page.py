@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from sounder.report.numbers import ellipse
 from sounder.report.page import page_data
@@ -106,7 +107,7 @@ def test_a_reduced_daps_keeps_the_strongest_sample_of_each_cell(contents, monkey
         cell = round((delay - made["first"]) / made["step"])
         assert levels[round(azimuth / 90) % 4, cell] == 255
     assert (levels > 0).sum() <= 2 * len(table["delay"]) + levels.size * (made["low"] <= -150)
-    pdp = reduce_pdp(scan, "usc")
+    pdp = reduce_pdp(scan, xr.Dataset(attrs={"threshold": "usc"}))
     assert max(pdp["power"]) == -130.0
     assert (pdp["floor"], pdp["threshold"], pdp["made"]) == (-170.0, -158.0, "strongest beam")
 
