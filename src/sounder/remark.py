@@ -95,6 +95,12 @@ class Code(Enum):
         unit="s",
         doubts=("delay",),
     )
+    NO_CLOCK = Meaning(
+        "transmitter and receiver share no clock, and the first arrival may not be the direct path",
+        "its delays are not used for the map without line of sight (los = 1)",
+        doubts=("position",),
+        fails=False,
+    )
     LOS_DIRECTION = Meaning(
         "the direct path does not come from the transmitter",
         "check the zeros of the turntable and the positions",

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -101,9 +101,13 @@ class Clock(Table):
     ----------
     step : float
         Standard deviation of the clock's random walk from one direction of the scan to the next [s].
+    start : {"common", "arbitrary"}
+        Whether transmitter and receiver share the beginning of captures, as in the back-to-back recording, or each
+        position begins at a time of its own.
     """
 
     step: NotNegative = 0.0
+    start: Literal["common", "arbitrary"] = "common"
 
 
 class Artefact(Table):

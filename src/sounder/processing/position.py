@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from erm.common.constants import c
 from erm.common.errors import DataError, internal_error
 from erm.common.storage import open_group, provenance, sha256, write_product
 from sounder.cir.deembedding import Deembedding
+from sounder.cir.first_arrival import place_first_arrival
 from sounder.cir.impulse_response import calibrate, impulse_responses
 from sounder.cir.power_spectrum import daps
 from sounder.mpc.extract import extract_mpcs
@@ -27,6 +29,9 @@ from sounder.quality.quadrature import remarks_on_quadrature
 from sounder.quality.table import read_remarks, tabulate_remarks
 from sounder.recordings.recording import Recording
 from sounder.remark import Remark, doubts, lines
+
+FIRST_ARRIVAL = "first arrival, placed at the distance of the antennas"
+"""What delays refer to without a common clock."""
 
 
 @dataclass
@@ -163,6 +168,9 @@ def process_recording(
     cir, remarks = check_responses(cir, recording, filter_, remarks, trust_all=options.trust_all)
     remarks += remarks_on_quadrature(cir["cir"].values, filter_)
     distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
+    arbitrary = recording.sounder.clock.start == "arbitrary"
+    if arbitrary:
+        cir = place_first_arrival(cir, distance)
     mpcs = extract_mpcs(
         cir,
         filter_,
@@ -173,6 +181,8 @@ def process_recording(
         time=recording.time,
     )
     _widen_delays(mpcs, cir.attrs["drift_std"])
+    if arbitrary:
+        cir = _refer_to_first_arrival(cir, mpcs, distance)
     groups = {"/": _root(recording, remarks), "/daps": _daps(cir, mpcs, recording, filter_, options), "/mpc": mpcs}
     remarks += [*of_calibration, *remarks_on_position(recording, groups, filter_)]
     if not options.trust_all:
@@ -192,6 +202,21 @@ def _daps(
     else:
         spectrum = daps(cir, recording.sounder, omnidirectional=options.omnidirectional)
     return spectrum.assign_attrs(pulse_energy=float(np.sum(np.abs(filter_.pulse) ** 2)))
+
+
+def _refer_to_first_arrival(cir: xr.Dataset, mpc: xr.Dataset, distance: float) -> xr.Dataset:
+    """Move delays so that the earliest MPC is at the delay of the direct path; that of its error is added to all."""
+    mpc.attrs["delay_reference"] = cir.attrs["delay_reference"] = FIRST_ARRIVAL
+    if not mpc.sizes["mpc"]:
+        return cir
+    first = int(np.argmin(mpc["delay"].values))
+    moved, std = distance / c - float(mpc["delay"].values[first]), float(mpc["delay_std"].values[first])
+    mpc["delay"].values[:] += moved
+    _widen_delays(mpc, std)
+    delay = cir["delay"].values
+    turns = np.exp(-2j * np.pi * np.fft.fftfreq(delay.size, delay[1] - delay[0]) * moved)
+    shifted = np.fft.ifft(np.fft.fft(cir["cir"].values) * turns).astype(np.complex64)
+    return cir.assign(cir=(cir["cir"].dims, shifted, cir["cir"].attrs))
 
 
 def _widen_delays(mpc: xr.Dataset, std: float) -> None:
@@ -214,6 +239,7 @@ def _root(recording: Recording, remarks: list[Remark]) -> xr.Dataset:
         attrs={
             "frequency": recording.sounder.carrier.frequency,
             "los": recording.los,
+            "delay_reference": FIRST_ARRIVAL if recording.sounder.clock.start == "arbitrary" else "transmission",
             "sounder": recording.sounder.model_dump_json(),
             "recorded_directions": int(recording.valid.sum()),
             "missing_directions": len(recording.missing),

@@ -35,6 +35,8 @@ def remarks_on_position(recording: Recording, groups: Mapping[str, xr.Dataset], 
         The filter that made them.
     """
     remarks = remarks_on_line_of_sight(recording, groups["/mpc"], groups["/daps"])
+    if recording.sounder.clock.start == "arbitrary" and recording.los != 1:
+        remarks.append(Remark(Code.NO_CLOCK))
     remarks += remarks_on_noise_level(groups["/daps"], filter_, recording)
     if (impossible := over_free_space(groups["/mpc"], recording)) is not None:
         remarks.append(impossible)

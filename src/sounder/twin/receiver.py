@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from erm.common.errors import DataError
 from sounder.instrument.antenna_pattern import Pattern
-from sounder.instrument.description import Clock, Sounder
+from sounder.instrument.description import Sounder
 from sounder.instrument.stated import Receiver
 from sounder.instrument.touchstone import transmission
 from sounder.instrument.waveform import band_limited_template
@@ -205,7 +205,9 @@ def _as_it_is(sounder: Sounder, faults: Faults) -> Sounder:
     """Description of a sounder that states clock and noise of the twin."""
     noise, step = faults.thermal_noise, faults.delay_drift.step if faults.delay_drift else 0.0
     figure = noise.stated_figure if noise else None
-    return sounder.model_copy(update={"clock": Clock(step=step), "receiver": Receiver(noise_figure=figure)})
+    return sounder.model_copy(
+        update={"clock": sounder.clock.model_copy(update={"step": step}), "receiver": Receiver(noise_figure=figure)}
+    )
 
 
 def _apply_drifts(spectra: Complex, sounder: Sounder, azimuth: Real, faults: Faults, seeds: tuple[int, int]) -> None:
