@@ -18,6 +18,10 @@ MIN_SPAN = 0.1
 """An outline that spans less is taken to be in degrees, where 0.1 is 11 km [m]; chosen."""
 
 
+MAX_FACES = 100_000
+"""Most known faces; chosen: all of a city. A map is compared with each of them."""
+
+
 def read_outline(
     path: Path | str,
     *,
@@ -99,10 +103,11 @@ def known_faces(
         The file cannot be read, or holds no wall.
     """
     if path.suffix.lower() in (".geojson", ".json"):
-        return read_outline(path, z_slice=z_slice, min_visible=min_visible, georeference=georeference)
-    faces = outline_of(read_map(path), georeference)
-    if len(faces) == 0:
-        raise DataError(f"{path}: holds no wall; expected known faces")
+        faces = read_outline(path, z_slice=z_slice, min_visible=min_visible, georeference=georeference)
+    else:
+        faces = outline_of(read_map(path), georeference)
+    if not 0 < len(faces) <= MAX_FACES:
+        raise DataError(f"{path}: holds {len(faces) or 'no'} walls; expected 1 to {MAX_FACES} known faces near the map")
     return faces
 
 

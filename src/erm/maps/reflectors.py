@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from erm.common.console import counted
+from erm.common.constants import FARTHEST
 from erm.common.errors import DataError
 from erm.geometry.vertical import unit
 
@@ -165,7 +166,7 @@ def check_reflectors(table: "xr.Dataset") -> None:
     base, top = table.base.values, table.top.values
     rules = (
         (is_wall | is_arc | (kind == "pole"), "is no wall, pole or arc"),
-        (np.isfinite(ends).all(axis=(1, 2)), "has end points that are not finite numbers"),
+        ((np.abs(ends) < FARTHEST).all(axis=(1, 2)), "has end points that are not finite numbers of places on earth"),
         (~is_wall | (length > 0), "is a wall of length 0"),
         (is_wall | is_arc | (table.radius.values > 0), "is a pole without a positive radius"),
         (~is_arc | (size > 0), "is an arc without a radius"),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from erm.common.constants import c
+from erm.common.constants import FARTHEST, SAME_PLACE, c
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path, number_in, open_group
 from erm.common.text_files import read_table
@@ -302,12 +302,12 @@ def _checked(
     """Drop the rows that break a rule; return one line for each broken rule."""
     tx, rx = table["tx_position"].values, table["rx_position"].values
     delay = table["delay"].values
-    with np.errstate(invalid="ignore"):  # infinite values are caught by the rules
+    with np.errstate(invalid="ignore", over="ignore"):  # infinite values are caught by the rules
         direct = np.linalg.norm(tx - rx, axis=-1)
         broken = dict(rules) | {
             "position has no name": table["position"].values == "",
-            "a position is NaN": ~np.isfinite(direct),
-            "TX and RX are at the same place": direct < 1e-6,
+            "a position is NaN or no place on earth": ~(np.abs(np.hstack([tx, rx])).max(axis=1) < FARTHEST),
+            "TX and RX are at the same place": direct < SAME_PLACE,
             "frequency is not positive": ~(table["frequency"].values > 0),
             "delay or azimuth is NaN": ~np.isfinite(delay + table["azimuth"].values),
             f"delay is above 1 ms; expected seconds{_unit_of(delay, direct)}": delay > MAX_DELAY,

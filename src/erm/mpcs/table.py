@@ -114,8 +114,9 @@ def free_space_gain(length: npt.ArrayLike, frequency: npt.ArrayLike) -> npt.NDAr
     Parameters
     ----------
     length : array (...)
-        Path length ``L`` [m].
+        Path length ``L`` [m], at least `SHORTEST`.
     frequency : array (...)
         Carrier frequency ``f`` [Hz].
     """
-    return np.asarray(20 * np.log10(c / np.asarray(frequency) / (4 * np.pi * np.asarray(length))))
+    length = np.maximum(length, SHORTEST)
+    return np.asarray(20 * np.log10(c / np.asarray(frequency) / (4 * np.pi * length)))

@@ -20,7 +20,7 @@ from sounder.kernels.compiler.machine import processors
 from sounder.kernels.correlation.clipping import count_rails
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
 from sounder.options import Averaging, require_choice
-from sounder.recordings.recording import CLIPPED_SHARE, BackToBack, Captures, Recording, clipped_share
+from sounder.recordings.recording import CLIPPED_SHARE, MAX_AGC_GAIN, BackToBack, Captures, Recording, clipped_share
 from sounder.remark import Code, Remark
 
 BLOCK_BYTES = 2**20
@@ -60,6 +60,12 @@ def calibrate(b2b: BackToBack, recording: Recording | BackToBack) -> Deembedding
     captures = b2b.captures
     if not np.isfinite(captures).all():
         raise DataError(f"{b2b.source}: back-to-back samples are NaN or infinite; record it again")
+    ratio = 20 * abs(np.log10(b2b.scale_factor) - np.log10(recording.scale_factor))
+    if ratio > MAX_AGC_GAIN:
+        raise DataError(
+            f"{recording.source}: scale_factor {recording.scale_factor:g} and that of {b2b.source}, "
+            f"{b2b.scale_factor:g}, are {ratio:.0f} dB apart; expected at most {MAX_AGC_GAIN:g} dB"
+        )
     if clipped_share(captures) > CLIPPED_SHARE:
         raise DataError(f"{b2b.source}: the back-to-back captures are clipped; record them with less gain")
     complex_captures = captures if captures.dtype.kind == "c" else captures[..., 0] + 1j * captures[..., 1]

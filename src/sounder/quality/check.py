@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from erm.common.errors import DataError
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.power_spectrum import noise_power
 from sounder.cir.responses import Correlator, correlator_of
@@ -96,6 +97,9 @@ def check_responses(
         return cir.assign_attrs(drift_std=0.0), position.remarks
     left_out = position.left_out
     position.responses[left_out] = np.nan
+    if not np.isfinite(position.responses).any():
+        what = position.remarks[-1].meaning
+        raise DataError(f"{recording.source}: {recording.name}: {what}, in all directions; record the position again")
     checked = cir.copy()
     checked["cir"] = cir["cir"].copy(data=position.responses)
     return checked.assign_attrs(drift_std=position.delay_std), position.remarks
@@ -196,9 +200,9 @@ class Position:
     def check_snapshots(self) -> None:
         """Compare the snapshots of directions whose mean lost coherence, or is noisier than others."""
         snapshots, averaging = self.recording.snapshots, self.averaging
-        if snapshots < 2:
-            return
         floors = self.floors()
+        if snapshots < 2 or np.isnan(floors.level):
+            return
         noisy = floors.excess.reshape(self.noise.shape) > floors.bound
         seen = self.peak > MIN_SNR * 10 ** (floors.level / 10)
         if "coherence" in self.cir:

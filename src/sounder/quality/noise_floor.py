@@ -86,6 +86,8 @@ class NoiseFloors:
             Standard deviation of a clean floor [dB].
         """
         known = np.isfinite(floor)
+        if not known.any():  # captures without any noise
+            return cls(np.nan, np.zeros(floor.shape), np.inf, 0.0, 1)
         bound = std * float(norm.isf(FALSE_ALARM / max(known.sum(), 1) / 2))
         sign = 1
         if _follows_gain(floor[known], agc_gain[known], bound):

@@ -100,8 +100,6 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
         )
         require_members(file)  # last: what does not fit the format is described better above
     check(recording, shape[3])
-    if not np.isfinite(recording.agc_gain[recording.valid]).all():
-        raise DataError(f"{path}: agc_gain is not finite in every recorded direction")
     return [recording]
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from erm.common.constants import FARTHEST, SAME_PLACE
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
 
@@ -175,6 +176,10 @@ def clipped_share(captures: Captures) -> float:
     return float(np.mean((captures == -(2**15)) | (captures == 2**15 - 1)))
 
 
+MAX_AGC_GAIN = 200.0
+"""Largest gain of a receiver [dB]: it would make half a watt of the thermal noise of 1 Hz (-174 dBm)."""
+
+
 def check(recording: Recording, samples: int) -> None:
     """Raise an error for a recording that cannot be processed.
 
@@ -207,9 +212,16 @@ def check(recording: Recording, samples: int) -> None:
     if recording.snapshots < 1:
         raise DataError(f"{who}: no snapshot; expected at least one for each direction")
     for label, position in (("tx_position", recording.tx_position), ("rx_position", recording.rx_position)):
-        if not np.isfinite(position).all():
-            raise DataError(f"{who}: {label} is {position.tolist()}; expected three finite numbers [m]")
-    if np.allclose(recording.tx_position, recording.rx_position):
+        if not (np.abs(position) < FARTHEST).all():
+            raise DataError(
+                f"{who}: {label} is {position.tolist()}; expected three finite numbers [m] of a place on earth"
+            )
+    if (np.abs(recording.elevation) > 90).any():
+        raise DataError(f"{who}: elevation is {recording.elevation.tolist()}; expected -90 to 90 degrees")
+    gain = np.abs(recording.agc_gain[recording.valid])
+    if not (gain <= MAX_AGC_GAIN).all():
+        raise DataError(f"{who}: agc_gain is {gain.max():g} dB; expected at most {MAX_AGC_GAIN:g} dB in each direction")
+    if np.linalg.norm(recording.tx_position - recording.rx_position) < SAME_PLACE:
         raise DataError(
             f"{who}: tx_position equals rx_position {recording.rx_position.tolist()}; expected two different positions"
         )

@@ -12,6 +12,7 @@ IQ = np.zeros((3, 2, 3, 254, 2), np.int16)
 
 def edit(path: Path, **datasets) -> None:
     with h5py.File(path, "r+") as file:
+        del file.attrs["members"]  # of what was written; this file is made by hand
         for name, data in datasets.items():
             attributes = dict(file[name].attrs) if name in file else {}
             if name in file:

@@ -50,7 +50,7 @@ def test_opening_reads_no_sample(path, storage, monkeypatch):
     snapshots = 6 * 10**5
     with h5py.File(path, "r+") as file:
         scale = file["iq"].attrs["scale_factor"]
-        del file["iq"]
+        del file["iq"], file.attrs["members"]
         iq = file.create_dataset("iq", (3, 2, snapshots, 254, 2), np.int16, **storage)
         iq.attrs["scale_factor"] = scale
         iq[2, 1, snapshots - 1] = 7  # gives the dataset its place in the file

@@ -39,7 +39,7 @@ from .files import IQ, edit
         ({"azimuth": [0.0, 200.0, 90.0]}, "azimuth is not in ascending order"),
         ({"elevation": [0.0, np.nan]}, "elevation is not in ascending order; expected finite ascending values"),
         ({"valid": np.ones((2, 3))}, "valid has shape (2, 3); expected (azimuth, elevation), (3, 2)"),
-        ({"agc_gain": np.full((3, 2), np.inf)}, "agc_gain is not finite in every recorded direction"),
+        ({"agc_gain": np.full((3, 2), np.inf)}, "agc_gain is inf dB; expected at most 200 dB in each direction"),
         ({"iq": IQ[:, :, :0]}, "no snapshot"),
     ],
 )

@@ -77,7 +77,7 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
     for name, (variable, row, column) in COVARIANCES.items():
         matrices[variable][:, row, column] = matrices[variable][:, column, row] = number(columns, name, count)
     numbers = {name: number(columns, name, count) for name in NUMBERS}
-    words = {name: np.asarray(columns.get(name, [DEFAULTS[name]] * count), dtype=str) for name in ("kind", "material")}
+    words = {name: _words(columns.get(name, [DEFAULTS[name]] * count), name) for name in ("kind", "material")}
     table = make_reflectors(
         ends,
         centre=np.stack([number(columns, name, count) for name in CENTRE], axis=-1),
@@ -100,6 +100,12 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
     place = scene.get("georeference")
     frame = Georeference.from_dict(place) if place is not None else None
     return Environment(table, ground, ceiling, {material.name: material for material in materials}, frame)
+
+
+def _words(cells: Any, name: str) -> np.ndarray:
+    if any(isinstance(cell, (list, dict)) for cell in cells):
+        raise DataError(f"{name} holds lists; expected a word for each reflector")
+    return np.asarray(cells, dtype=str)
 
 
 def number(columns: Columns, name: str, count: int) -> np.ndarray:
