@@ -56,12 +56,11 @@ class Antenna(Table):
         The measured cuts. A description file names a CSV file beside it; see `sounder.instrument.antenna_files`.
     gain_std : float
         Standard deviation of the boresight gain [dB]; part of every ``path_gain_std``.
-    gain_error : float
-        Relative error of the pattern's amplitude [1]. The default is assumed, not measured.
-    beamwidth_error : float
-        Relative error of the beamwidths [1]. The default is assumed, not measured.
-    joint_gain_error, joint_beamwidth_error : float
-        The same, as the joint fit of overlapping paths allows for them [1]. The defaults are assumed, not measured.
+    gain_error : float, optional
+        Relative error of the pattern's amplitude in a beam [1], independent from beam to beam. What is stated is part
+        of the errors of MPCs; see :func:`sounder.mpc.stated.pattern_covariance`.
+    beamwidth_error : float, optional
+        Relative error of the beamwidths [1], the same in all beams.
     margin_above : float
         How far a beam's sidelobes may be above the described pattern [dB]. The default, a factor of 2 in amplitude, is
         assumed, not measured.
@@ -77,12 +76,19 @@ class Antenna(Table):
     sidelobe_floor: Annotated[float, Field(lt=0)] = -30.0
     cut: Cut | None = None
     gain_std: NotNegative = 0.0
-    gain_error: NotNegative = 0.01
-    beamwidth_error: NotNegative = 0.02
-    joint_gain_error: NotNegative = 0.005
-    joint_beamwidth_error: NotNegative = 0.01
+    gain_error: NotNegative | None = None
+    beamwidth_error: NotNegative | None = None
     margin_above: NotNegative = 20 * math.log10(2)
     margin_below: NotNegative = 20 * math.log10(4)
+
+    @property
+    def pattern_error(self) -> tuple[float, float]:
+        """Relative errors of amplitude and beamwidth: as stated, else :data:`ASSUMED_ERROR`."""
+        stated = self.gain_error, self.beamwidth_error
+        gain, width = (
+            given if given is not None else known for given, known in zip(stated, ASSUMED_ERROR, strict=True)
+        )
+        return gain, width
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -98,6 +104,9 @@ class Antenna(Table):
         return self
 
 
+ASSUMED_ERROR = 0.005, 0.01
+"""Errors of an amplitude and a beamwidth that are not stated [1]. Several paths are told from one only as far as the
+pattern is known. Assumed, not measured."""
 GAIN_DIFFERENCE = 3.0
 """How far the gain that a file states may be from the described one [dB]: a factor of 2. Chosen; not derived."""
 WIDTH_RATIO = 3.0

@@ -15,6 +15,7 @@ from sounder.mpc.elevation_gain import with_elevation_gain
 from sounder.mpc.joint import refine_jointly
 from sounder.mpc.scan import Scan
 from sounder.mpc.single_thread import single_thread
+from sounder.mpc.stated import pattern_covariance
 from sounder.mpc.table import tabulate
 from sounder.mpc.threshold import independent_samples
 from sounder.mpc.two_paths import split_paths
@@ -118,7 +119,9 @@ def extract_mpcs(
     inflation = variance_inflation(found, power, group, residual if effort.removes else None, scan)
     clock = clock_variance(*best_beams(power), scan_order(time, *cir["cir"].shape[:2]), sounder.clock.step)
     located = _located(found, scan)
-    table = tabulate(found[located], scan, distance, inflation=inflation[located], clock=clock[located])
+    errors = {"inflation": inflation, "clock": clock, "pattern": pattern_covariance(found, group, scan)}
+    of_located = {name: values[located] for name, values in errors.items()}
+    table = tabulate(found[located], scan, distance, **of_located)
     table = with_elevation_gain(table, scan.directions, scan.pattern)
     period = scan.period / filter_.sample_rate
     late = table["delay"].values > threshold.delay_gate

@@ -164,7 +164,7 @@ def _samples(
     directions = scan.directions[numbers]
     directions[:, 0] = middle + wrap(directions[:, 0] - middle)
     beams = BeamSamples(directions, noise, data @ window.whitener.T / np.sqrt(noise)[:, None])
-    return beams.with_pattern_error(scan.antenna.joint_gain_error, scan.antenna.joint_beamwidth_error), numbers
+    return beams.with_pattern_error(*scan.antenna.pattern_error), numbers
 
 
 def _bounds(paths: Real, scan: Scan) -> Real:

@@ -5,6 +5,10 @@ from numpy.typing import NDArray
 
 from erm.common.constants import c
 from sounder.instrument.description import Sounder
+from sounder.mpc.directions import DB_PER_NEPER
+from sounder.mpc.pattern_slopes import slopes
+from sounder.mpc.scan import Scan
+from sounder.mpc.uncertainty import beam_power, best_beams
 
 Real = NDArray[np.float64]
 
@@ -50,3 +54,47 @@ def stated_variance(sounder: Sounder, delay: Real) -> Real:
     variance[:, 2] = survey.tilt_std**2 + across
     variance[:, 3] = gain
     return variance
+
+
+def pattern_covariance(found: NDArray[np.record], group: NDArray[np.int64], scan: Scan) -> Real:
+    """Covariance that the stated errors of the antenna's pattern make.
+
+    In beam ``b`` a path has the magnitude ``m_b = a g_b``. An error ``e_b`` of the pattern's amplitude, of standard
+    deviation ``gain_error`` and independent from beam to beam, and one ``w`` of the beamwidth, the same in all beams,
+    change it by ``m_b (e_b + 2 x_b w)``, where the lobe is ``x_b = -ln g_b`` under its peak. With the derivatives
+    ``J_b`` of ``m_b`` by azimuth, elevation and ``ln a``, and ``A = sum_b J_b J_b^T``, the least-squares fit moves by
+    ``A^-1 sum_b J_b m_b (e_b + 2 x_b w)``. The amplitude drops out: what is not known of the antenna does not become
+    less for a stronger path. What the residuals of a fit show of these errors is in its variance already.
+
+    Parameters
+    ----------
+    found : array of `sounder.kernels.extraction.records.PATH` (mpc,)
+    group : array (mpc,)
+        Number of the group that was fitted together, -1 for others. The fits of groups hold these errors already.
+    scan : Scan
+
+    Returns
+    -------
+    array (mpc, 3, 3)
+        Of azimuth, elevation [degree] and gain [dB]. Zero if nothing is stated, and of an angle that the scan does not
+        determine.
+    """
+    gain_error, width_error = scan.antenna.gain_error or 0.0, scan.antenna.beamwidth_error or 0.0
+    covariance = np.zeros((len(found), 3, 3))
+    if not found.size or not scan.pattern.directive or not (gain_error or width_error):
+        return covariance
+    beam, weight = best_beams(beam_power(found, scan))
+    free = np.flatnonzero([scan.azimuth.size > 1, scan.elevation.size > 1, True])
+    shown = found["azimuth_variance"] * (1 - 1 / np.fmax(1.0, found["misfit"]))
+    for p in np.flatnonzero(group < 0):
+        path, near = found[p], beam[p, weight[p] > 0]
+        g, *angles = slopes(np.array(path["azimuth"]), np.array(path["elevation"]), scan.directions[near], scan.cuts)
+        columns = np.stack([*angles, g])[free]
+        inverse = np.linalg.pinv(columns @ columns.T, rcond=1e-9, hermitian=True)
+        apart = inverse @ (columns * g * gain_error)
+        together = inverse @ columns @ (g * -2 * np.log(g) * width_error)
+        made = apart @ apart.T + np.outer(together, together)
+        hidden = np.clip(1 - np.nan_to_num(shown[p] / made[0, 0]), 0, 1) if free[0] == 0 and made[0, 0] > 0 else 1.0
+        covariance[p][np.ix_(free, free)] = hidden * made
+    scale = np.array([1.0, 1.0, DB_PER_NEPER])
+    return covariance * scale[:, None] * scale

@@ -22,7 +22,7 @@ Real = NDArray[np.float64]
 Paths = NDArray[np.record]
 
 
-def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, clock: Real) -> xr.Dataset:
+def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, clock: Real, pattern: Real) -> xr.Dataset:
     """Table of the paths found.
 
     The covariance is that of the least-squares fits, with the noise power as variance, or the fit's own residual where
@@ -43,6 +43,8 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
         From :func:`sounder.mpc.uncertainty.variance_inflation`.
     clock : array (mpc,)
         From :func:`sounder.mpc.clock.clock_variance` [s2].
+    pattern : array (mpc, 3, 3)
+        From :func:`sounder.mpc.stated.pattern_covariance`.
 
     Returns
     -------
@@ -65,6 +67,7 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
     covariance = _covariance(found, noise, scan, inflation)
     covariance[:, 0, 0] += clock
     covariance[:, range(4), range(4)] += stated_variance(scan.sounder, delay)
+    covariance[:, 1:, 1:] += pattern
     if not several_elevations:
         covariance[:, 2, :] = covariance[:, :, 2] = np.nan
     values = {

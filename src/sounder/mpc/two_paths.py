@@ -68,7 +68,7 @@ def split_paths(found: Paths, removed: Complex, scan: Scan) -> tuple[Paths, Comp
         late = scan.delay_after(found["delay"], first)
         late[members] = np.inf
         beams = _samples(first, middle, late, found, removed, scan)
-        vague = beams.with_pattern_error(scan.antenna.gain_error, scan.antenna.beamwidth_error)
+        vague = beams.with_pattern_error(*scan.antenna.pattern_error)
         one = poor_single_path(_parameters(strongest, middle, first), middle, vague, scan)
         if one is None:
             continue

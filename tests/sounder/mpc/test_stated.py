@@ -55,3 +55,26 @@ def test_an_mpc_holds_what_is_stated() -> None:
         combined = np.hypot(without[f"{name}_std"], expected[:, i])
         assert with_[f"{name}_std"].values == pytest.approx(combined.values, rel=1e-9)
     assert expected[0, 3] == pytest.approx(np.hypot(0.5, 0.7))
+
+
+@pytest.mark.slow
+def test_errors_of_the_pattern_are_those_of_random_horns(bench_maker, description) -> None:
+    """Measure a strong path with 60 horns that differ from the described one as it states."""
+    rng = np.random.default_rng(9)
+    width, gain_error, width_error = 10.0, 0.02, 0.03
+    antenna = {"pattern": "gaussian", "cut": None, "hpbw_azimuth": width, "hpbw_elevation": width}
+    scan = {"azimuth": (0.0, 10.0, 20.0, 30.0), "elevation": (-10.0, 0.0, 10.0)}
+    stated = antenna | {"gain_error": gain_error, "beamwidth_error": width_error}
+    bench = bench_maker(description(rx_antenna=stated, scan=scan))
+    found = []
+    for _ in range(60):
+        factor = 1 + width_error * rng.normal()
+        wide = {"hpbw_azimuth": width * factor, "hpbw_elevation": width * factor}
+        horn = bench_maker(description(rx_antenna=antenna | wide, scan=scan))
+        cir = horn.scan([(-100.0, 200e-9, 13.0, 2.0)], noise=-180.0, same_phase=True)
+        cir["cir"].values *= 1 + gain_error * rng.normal(size=(4, 3, 1))
+        found.append(extract_mpcs(cir, bench.filter_, bench.sounder).isel(mpc=0))
+    for name in ("azimuth", "elevation", "path_gain"):
+        measured = np.std([float(one[name]) for one in found])
+        stated_std = np.mean([float(one[f"{name}_std"]) for one in found])
+        assert stated_std == pytest.approx(measured, rel=0.3), name  # 60 draws give 9 %; three times that

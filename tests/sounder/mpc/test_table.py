@@ -63,7 +63,7 @@ def test_misfit_tells_two_paths_in_one_from_one(bench):
     assert len(two) >= 27  # some such pairs look as if only sidelobes saw them, and are left out
     # 9 magnitudes less 3 unknowns, and 5 samples less what is fitted to them: the mean of 30 is good to some 15 %
     assert 0.5 < np.mean(one) < 1.3
-    assert np.median(two) > 5
+    assert np.median(two) > 4  # those of them that are split in two fit
     assert np.mean(np.array(two) > max(one)) > 0.7
 
 
