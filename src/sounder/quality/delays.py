@@ -20,6 +20,8 @@ CLOSE = 2
 """The same for single directions that slipped, which is rarely by more than a sample."""
 NEAR = 0.3
 """Difference of delays that counts as none, or as a whole number of samples [sample]."""
+SIDELOBES = 6.0
+"""Difference from the usual power in sidelobes beyond which a beam sees something else [dB]: they are known to 6 dB."""
 UNRESOLVED = 0.2
 """Error of the delay of a path beside weak ones that are not resolved [sample]: of one 14 dB below, a sample off."""
 SIGMAS = 3.0
@@ -105,6 +107,9 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, stri
     )
     curvature = left - 2 * middle + right
     is_peak = (middle > left) & (middle >= right) & (middle > np.log(SEEN)) & used
+    far = np.arange(around.shape[1]) >= paths.around.shape[1]
+    usual = np.ma.median(np.ma.masked_array(middle, ~(is_peak & far)), axis=1).filled(0.0)[:, None]
+    is_peak &= ~far | (np.abs(middle - usual) < SIDELOBES * np.log(10) / 10)
     delay = lag[peak] + 0.5 * (left - right) / np.where(curvature < 0, curvature, -1)
     path, near = np.nonzero(is_peak)
     std = 1 / np.sqrt(np.exp(middle[path, near]) * -curvature[path, near])
@@ -120,8 +125,8 @@ def _with_far_beams(
     """
     beams, size = shape
     apart = np.abs(paths.delay[:, None] - paths.delay)
-    close = np.tril(np.minimum(apart, size - apart) < 2 * WINDOW, -1).any(axis=1)
-    shown = np.flatnonzero(~close)[:FAR_SEEN]
+    close = np.minimum(apart, size - apart) < 2 * WINDOW
+    shown = np.flatnonzero(~np.tril(close, -1).any(axis=1))[:FAR_SEEN]
     near = np.zeros((len(paths.around), beams + 1), bool)
     np.put_along_axis(near, paths.around, True, axis=1)
     seen = np.zeros((len(near), beams), bool)
@@ -179,8 +184,8 @@ def slips(delays: Delays, beams: int) -> Integers:
     The delay of a path is the median over its beams; that of a beam the median over its paths. They are found in turn.
     Then the beam must be off every path that it sees by one and the same number, and most other beams that see these
     paths must not be off. Two paths that are not resolved seldom look like one that is off by a whole sample: the power
-    of both is between their delays. Where many beams are off by other than whole samples, those that are off by one
-    are so by chance.
+    of both is between their delays; a slip by more than a sample, for which they need not overlap, must show in as many
+    paths. Where many beams are off by other than whole samples, those that are off by one are so by chance.
     """
     offset = np.zeros(beams)
     for _ in range(3):
@@ -192,11 +197,11 @@ def slips(delays: Delays, beams: int) -> Integers:
     settled = np.abs(off) < delays.tolerance
     count = np.bincount(delays.path)[delays.path]
     agree = np.bincount(delays.path, settled)[delays.path] - settled
-    sure = (agree >= MIN_BEAMS) & (agree >= MOVED * (count - 1))
+    sure = (agree >= MIN_BEAMS) & (agree >= MOVED * (count - 1)) & (delays.tolerance < 0.5)  # tells whole samples apart
     slipped = np.zeros(beams, bool)
     for beam in np.flatnonzero(whole):
         own = delays.beam == beam
-        slipped[beam] = sure[own].any() and settled[own].sum() >= MOVED * own.sum()
+        slipped[beam] = sure[own].sum() >= np.abs(whole[beam]) and settled[own].sum() >= MOVED * own.sum()
     if slipped.sum() < MOVED * np.unique(delays.beam[sure & (whole[delays.beam] != 0)]).size:
         slipped[:] = False
     return np.where(slipped, whole, 0).astype(np.int64)
