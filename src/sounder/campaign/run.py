@@ -41,7 +41,7 @@ from sounder.campaign.result import (
     CampaignResult,
     map_figure,
 )
-from sounder.campaign.survey import remarks_on_survey
+from sounder.campaign.survey import remarks_on_power, remarks_on_survey
 from sounder.figures.files import figure_paths, is_up_to_date
 from sounder.figures.processes import each_drawn
 from sounder.parameters.statistics import Statistic, campaign_statistics
@@ -122,11 +122,13 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
     for suffix in campaign.map.formats:
         write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located), positions=positions_of(located))
     write_reflection_points(located, out / POINTS)
+    roots = {product: open_group(product) for product in outcome.products}
+    names = [str(root["position"].item()) for root in roots.values()]
     result = CampaignResult(
         campaign,
         out,
         len(jobs),
-        {product: open_group(product) for product in outcome.products},
+        roots,
         outcome.already,
         table,
         located,
@@ -135,7 +137,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
         statistics,
         list({job.b2b.source: job.b2b for job in jobs}.values()),
         outline,
-        notes=[*outcome.notes, *warnings(environment)],
+        notes=[*outcome.notes, *warnings(environment), *remarks_on_power(located, names)],
         internal=outcome.internal,
     )
     if outline is not None:

@@ -14,7 +14,7 @@ def report(
     out: Annotated[Path, typer.Option(help="The page: .html, one file that needs no network.")],
     title: Annotated[str, typer.Option(help="Title of the page.")] = "Campaign",
 ) -> None:
-    """Make the page of products: map, DAPS and PDP, channel parameters, MPCs, settings.
+    """Make one page of products: map, DAPS, PDP, parameters, MPCs.
 
     The page of a campaign file, with its options, is made by `sounder run`.
     """

@@ -34,11 +34,13 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
         The file is not a product, or the folder cannot be written to.
     """
     name, daps, mpc = _groups(product, "/mpc")
-    require_axes(mpc, product, dict.fromkeys(("delay", "azimuth", "azimuth_std"), ("mpc",)))
+    require_axes(
+        mpc, product, dict.fromkeys(("delay", "azimuth", "azimuth_std", "path_gain", "path_gain_std"), ("mpc",))
+    )
     polar, cartesian, profile = (Figure(figsize=(5.6, height)) for height in (4.2, 3.4, 3.2))
     figures.daps_polar([(name, daps)], _polar(polar))
     figures.daps_cartesian(daps, cartesian.add_subplot(title=name), mpc=mpc)
-    figures.pdp([(name, daps)], profile.add_subplot())
+    figures.pdp([(name, daps)], profile.add_subplot(), mpc=mpc)
     paths = figure_paths(product, out, suffix=suffix)
     return [_save(figure, path) for figure, path in zip((polar, cartesian, profile), paths, strict=True)]
 

@@ -19,6 +19,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from sounder.figures.score import MPC_COLOUR
+from sounder.parameters.selection import extraction_margin
 
 POWER_MAP = "viridis"
 """Colour map of power: perceptually uniform, and readable with colour-blindness."""
@@ -166,7 +167,7 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
     return ax
 
 
-def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
+def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes, *, mpc: xr.Dataset | None = None) -> Axes:
     """Draw omnidirectional power delay profiles.
 
     The axis says how they were made. It begins :data:`PDP_MARGIN` under the lowest noise floor of the beams, without
@@ -177,6 +178,9 @@ def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
     products : sequence of (name, dataset)
         Name and group ``/daps``.
     ax : matplotlib.axes.Axes
+    mpc : xarray.Dataset, optional
+        Group ``/mpc`` of the first product: drawn as circles with their standard deviations, with the least power by
+        which MPCs were found in a beam of median noise.
     """
     for name, daps in products:
         ax.plot(daps["delay"].values * 1e9, daps["pdp"].values, linewidth=0.9, label=name)
@@ -186,9 +190,31 @@ def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes) -> Axes:
     floor = min(float(daps["noise_floor"].min()) - daps.attrs.get("rx_antenna_gain", 0.0) for _, daps in products)
     if np.isfinite(floor):
         ax.set_ylim(bottom=floor - PDP_MARGIN)
+    if mpc is not None:
+        _mark_mpcs(products[0][1], mpc, ax)
     ax.grid(alpha=0.3)
     ax.legend(**LEGEND_ABOVE, ncols=4)
     return ax
+
+
+def _mark_mpcs(daps: xr.Dataset, mpc: xr.Dataset, ax: Axes) -> None:
+    """Draw MPCs over their PDP, the median noise floor of the beams and the threshold over it."""
+    floor = float(daps["noise_floor"].median()) - daps.attrs.get("rx_antenna_gain", 0.0)
+    for level, label, style in ((floor + extraction_margin(mpc), "threshold", "--"), (floor, "noise floor", ":")):
+        if np.isfinite(level):
+            ax.axhline(level, color="0.35", linestyle=style, linewidth=0.9, label=label)
+    if mpc.sizes["mpc"]:
+        ax.errorbar(
+            mpc["delay"].values * 1e9,
+            mpc["path_gain"].values,
+            yerr=np.nan_to_num(mpc["path_gain_std"].values),
+            fmt="o",
+            markersize=5,
+            markerfacecolor="none",
+            color=MPC_COLOUR,
+            elinewidth=0.8,
+            label="MPC",
+        )
 
 
 def _figure(ax: Axes) -> Figure:

@@ -38,6 +38,8 @@ def table(azimuth) -> xr.Dataset:
             "delay": ("mpc", np.linspace(100e-9, 300e-9, azimuth.size)),
             "azimuth": ("mpc", azimuth),
             "azimuth_std": ("mpc", np.full(azimuth.size, np.nan)),
+            "path_gain": ("mpc", np.linspace(-100.0, -120.0, azimuth.size)),
+            "path_gain_std": ("mpc", np.full(azimuth.size, np.nan)),
         }
     )
 
@@ -153,6 +155,16 @@ def test_missing_directions_noise_alone_and_odd_scans_can_be_drawn(polar, azimut
     products.pdp([("RX1", daps)], plt.figure().add_subplot())
     for number in plt.get_fignums():
         plt.figure(number).canvas.draw()
+
+
+def test_a_pdp_with_mpcs_has_their_threshold_over_the_noise_floor():
+    mpc = table([60.0, 240.0])
+    axes = products.pdp([("RX1", product())], plt.figure().add_subplot(), mpc=mpc.assign_attrs(threshold="usc"))
+    lines = {line.get_label(): line for line in axes.lines}
+    assert lines["threshold"].get_ydata()[0] == -138.0
+    assert lines["noise floor"].get_ydata()[0] == -150.0
+    (marks,) = axes.containers
+    assert marks.lines[0].get_ydata().tolist() == [-100.0, -120.0]
 
 
 def test_pdp_has_units_and_a_line_each():
