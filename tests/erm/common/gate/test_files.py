@@ -51,3 +51,8 @@ def test_a_file_for_another_driver_is_no_geopackage(tmp_path):
     database.close()
     with pytest.raises(DataError, match="holds a view reflectors, which is not run"):
         require_geopackage(path)
+
+
+def test_a_number_of_many_digits_is_refused_at_once():
+    with pytest.raises(ValueError, match="Exceeds the limit"):
+        parse_toml("x = " + "9" * 100_000)  # looking for dotted keys from each digit on would take a minute
