@@ -74,14 +74,13 @@ def test_damage_met_while_reading_costs_its_position_alone(jobs, tmp_path):
     assert outcome.failures == ["B.h5: iq cannot be read (checksum); copy the file again"]
 
 
-@pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.slow
-def test_the_same_failure_of_many_positions_is_reported_once(jobs, tmp_path, description, workers):
+def test_the_same_failure_of_many_positions_is_reported_once(jobs, tmp_path, description):
     batch = jobs("A", "B", "C")
     other = description(waveform={**WAVEFORM, "polynomial": [7, 3, 0]}, rx_antenna=HORN)
     write_back_to_back(receiver.back_to_back(other, 60.0), tmp_path / "b2b.h5", history="test")
     batch = gather([job.recording.source for job in batch], calibration=tmp_path / "b2b.h5")[0]
-    (failure,) = process(batch, tmp_path / "out", workers=workers).failures
+    (failure,) = process(batch, tmp_path / "out").failures
     assert failure.startswith(f"{tmp_path / 'b2b.h5'}: back-to-back of another sounder: ")
     assert failure.endswith(" (all 3 positions)")
 
