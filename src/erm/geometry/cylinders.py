@@ -199,19 +199,17 @@ def _polished(
 ) -> FloatArray:
     """Normals [degree] after Newton's steps for Fermat's condition; NaN where they do not converge."""
     phi = np.deg2rad(azimuth)
+    ends = [((end - centre)[..., 0], (end - centre)[..., 1]) for end in (tx, rx)]
     with np.errstate(divide="ignore", invalid="ignore"):
         for _ in range(NEWTON_STEPS):
-            n = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
-            t = np.stack([-n[..., 1], n[..., 0]], axis=-1)
-            point = centre + radius[..., None] * n
-            value, slope = 0.0, 0.0
-            for end in (tx, rx):
-                apart = end - point
-                distance = np.linalg.norm(apart, axis=-1)
-                of_n, of_t = np.sum(n * apart, axis=-1) / distance, np.sum(t * apart, axis=-1) / distance
-                value, slope = value + of_t, slope - of_n - radius * (1 - of_t**2) / distance
+            cosine, sine = np.cos(phi), np.sin(phi)
+            value, slope = np.zeros_like(phi), np.zeros_like(phi)
+            for east, north in ends:
+                along, aside = cosine * east + sine * north - radius, cosine * north - sine * east
+                distance = np.sqrt(along * along + aside * aside)
+                of_t = aside / distance
+                value, slope = value + of_t, slope - along / distance - radius * (1 - of_t * of_t) / distance
             if not np.any(np.abs(value) > ANGLE_TOLERANCE):
                 break
-            step = -value / slope
-            phi = phi + np.clip(step, -0.5, 0.5)
+            phi = phi + np.clip(-value / slope, -0.5, 0.5)
     return np.where(np.abs(value) < ANGLE_TOLERANCE, np.rad2deg(phi), np.nan)

@@ -39,6 +39,7 @@ class Reason(StrEnum):
     ELEVATION = "elevation", "elevation inconsistent with a vertical wall"
     # set by `erm.reconstruction.reconstruct`
     NOT_SHARED = "not_shared", "no wall shared with other positions"
+    CURVED_FACE = "curved_face", "off a curved face that walls hide"
     FALSE_ALARM = "false_alarm", "no more paths agree on its wall than by chance"
     MULTIPLE_REFLECTION = "multiple_reflection", "reflected more than once, off other walls"
     OBSTRUCTION = "obstruction", "its wall would block other paths"

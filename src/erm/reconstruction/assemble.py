@@ -1,6 +1,6 @@
 """Assemble the map of the walls and poles that were found, and mark in the table which MPC belongs to which."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from erm.maps.materials import Material
 from erm.maps.reflectors import make_reflectors
 from erm.mpcs.reasons import Reason
 from erm.mpcs.standard_errors import SIGMAS
+from erm.reconstruction.curved.faces import Curved, arc_azimuths, is_pole
+from erm.reconstruction.curved.search import CurvedFace
 from erm.reconstruction.decision.decide import Decision
 from erm.reconstruction.model.extent import MAX_FRESNEL_MARGIN, piece_ends
 from erm.reconstruction.model.loss import refractive_index_squared
@@ -20,7 +22,13 @@ if TYPE_CHECKING:
 
 
 def assemble(
-    decision: Decision, chains: IntArray, poles: list[Pole], pole_paths: Paths, table: "xr.Dataset"
+    decision: Decision,
+    chains: IntArray,
+    poles: list[Pole],
+    pole_paths: Paths,
+    table: "xr.Dataset",
+    curved: Curved,
+    max_gap: float,
 ) -> tuple[Environment, "xr.Dataset"]:
     """Make an environment of walls and poles, and mark in the table which MPC belongs to which.
 
@@ -35,6 +43,9 @@ def assemble(
         Paths that the poles' inliers are rows of.
     table : xarray.Dataset
         From `erm.select`.
+    curved : Curved
+    max_gap : float
+        Reflection points on one face further apart than this are on different faces [m].
 
     Returns
     -------
@@ -82,6 +93,17 @@ def assemble(
         reason[rows] = Reason.ACCEPTED
         wall_point[rows] = table["reflection_point"].values[rows]
         wall_point[rows, :2] = pole.centre
+    number = reflectors.sizes["reflector"] + len(poles)
+    pillars = [face for face in curved.faces if is_pole(face)]
+    bent = [face for face in curved.faces if not is_pole(face)]
+    arcs = [(face, *piece) for face in bent for piece in arc_azimuths(face, curved.paths, max_gap)]
+    owners = [(face, np.arange(len(face.inliers))) for face in pillars] + [(face, own) for face, _, _, own in arcs]
+    for face, inliers in owners:
+        rows = curved.paths.row[face.inliers[inliers]]
+        index[rows] = number
+        reason[rows] = Reason.ACCEPTED
+        wall_point[rows] = face.fit.point[inliers]
+        number += 1
     slab = Slab(ground) if np.any(table["reason"].values == Reason.GROUND_REFLECTION) else None
     located = table.assign(
         accepted=("mpc", index >= 0),
@@ -106,7 +128,29 @@ def assemble(
             support=np.array([len(pole.inliers) for pole in poles]),
             residual=np.array([pole.reduced_chi_squared for pole in poles]),
         )
+    for face in pillars:
+        columns = _of_cylinder(face, ground)
+        covariance = columns.pop("centre_covariance")
+        environment = environment.with_poles([face.fit.centre], face.fit.radius, covariance=covariance, **columns)
+    for face, low, high, inliers in arcs:
+        columns = _of_cylinder(face, ground) | {"support": len(inliers)}
+        environment = environment.with_arcs([face.fit.centre], face.fit.radius, [[low, high]], **columns)
     return environment, located
+
+
+def _of_cylinder(face: CurvedFace, ground: float) -> dict[str, Any]:
+    """Columns of the reflector of a cylinder."""
+    support = len(face.inliers)
+    residual = float(face.fit.chi_squared.sum()) / max(2 * support - 3, 1)
+    covariance = face.fit.covariance * _covariance_factor(residual, support)
+    return {
+        "base": ground,
+        "top": max(float(face.fit.point[:, 2].max()), ground) + MAX_FRESNEL_MARGIN,
+        "centre_covariance": covariance[:2, :2],
+        "radius_std": float(np.sqrt(covariance[2, 2])),
+        "support": support,
+        "residual": residual,
+    }
 
 
 def _covariance_factor(reduced_chi_squared: float, support: int) -> float:

@@ -77,7 +77,7 @@ def bundle_walls(
     images = list(compress(images, certain[len(decision.walls) :]))
     if not len(problem.direct) and not walls and not images:
         return Adjusted(decision, chains, positions)
-    no_chain = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT)
+    no_chain = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT, Reason.CURVED_FACE)
     free = ~np.isin(table["reason"].values, no_chain) & fits_vertical_wall(table)
     free[concatenate_rows(wall.paths.row for wall in decision.walls)] = False
     rest = measured.take(free)

@@ -11,6 +11,7 @@ from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.reconstruction.assemble import assemble
 from erm.reconstruction.bundle_walls import bundle_walls
+from erm.reconstruction.curved.faces import Curved, beside_walls, find_curved_faces
 from erm.reconstruction.decision.decide import Decision, decide_walls
 from erm.reconstruction.decision.pieces import Links
 from erm.reconstruction.delay_wraps import add_wrapped_paths, with_wrapped_delays
@@ -122,12 +123,15 @@ def locate_walls(
     if len(certain) < len(rows):
         at = np.searchsorted(rows, certain)
         paths, groups = add_uncertain_paths(paths, groups, measured.take(rows), at, min_support)
+    curved, groups = find_curved_faces(table, measured, paths, groups, min_support)
+    table = _without_curved(table, curved)
     count, number_as_measured = len(paths), len(groups)
-    free = ~np.isin(table["reason"].values, (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION))
+    free = ~np.isin(table["reason"].values, (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.CURVED_FACE))
     paths, groups, wrapped = add_wrapped_paths(table, measured, free, paths, groups, min_support)
     ungrouped = np.zeros(len(paths), dtype=bool)
     ungrouped[np.searchsorted(rows, certain)] = True  # the others do not extend a wall
     ungrouped[concatenate_rows(group.inliers for group in groups)] = False
+    ungrouped[np.isin(paths.row, curved.rows)] = False
     as_measured = split_bent_facades(paths, groups[:number_as_measured], ungrouped, min_support)
     groups = as_measured + groups[number_as_measured:]
     decision = _decide(table, paths, groups, max_gap, min_support)
@@ -143,7 +147,8 @@ def locate_walls(
     explained = np.concatenate([chains, *(wall.paths.row for wall in [*decision.walls, *candidates])])
     pole_paths = measured.take(_may_be_off_poles(table, explained))
     poles = find_poles(pole_paths, decision.walls, min_support)
-    environment, located = assemble(decision, chains, poles, pole_paths, table)
+    curved = beside_walls(curved, decision.walls)
+    environment, located = assemble(decision, chains, poles, pole_paths, table, curved, max_gap)
     image = np.full(table.sizes["mpc"], -1)
     for number, group in enumerate(groups):
         image[paths.row[group.inliers[group.inliers < count]]] = number
@@ -154,11 +159,18 @@ def locate_walls(
     return environment, located, positions
 
 
+def _without_curved(table: "xr.Dataset", curved: Curved) -> "xr.Dataset":
+    """Return the table with the MPCs off curved faces marked."""
+    reason, accepted = table["reason"].values.astype(object), table["accepted"].values.copy()
+    reason[curved.rows], accepted[curved.rows] = Reason.CURVED_FACE, False
+    return table.assign(reason=("mpc", reason.astype(np.str_)), accepted=("mpc", accepted))
+
+
 def _decide(table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float, min_support: int) -> Decision:
     """Decide which groups are walls."""
     candidates = [Wall(paths, group.line, group.inliers) for group in groups]
     return decide_walls(
-        candidates, _minor_walls(paths, groups), lines_of_sight(table), _links(table), max_gap, min_support
+        candidates, _minor_walls(table, paths, groups), lines_of_sight(table), _links(table), max_gap, min_support
     )
 
 
@@ -172,9 +184,9 @@ def _may_be_off_poles(table: "xr.Dataset", explained: IntArray) -> BoolArray:
     return possible & fits_vertical_wall(table)
 
 
-def _minor_walls(paths: Paths, groups: list[Group]) -> list[Wall]:
+def _minor_walls(table: "xr.Dataset", paths: Paths, groups: list[Group]) -> list[Wall]:
     """Lines that two links share: too few for a wall, enough to explain a chain of reflections."""
-    free = np.ones(len(paths), dtype=bool)
+    free = table["accepted"].values[paths.row]
     for group in groups:
         free[group.inliers] = False
     rest = paths.take(free)

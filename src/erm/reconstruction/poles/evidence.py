@@ -43,10 +43,10 @@ class ClutterDensity:
     def __init__(self, paths: Paths, points: FloatArray) -> None:
         self.tree = cKDTree(points)
         self.points = points
-        self.links = len(np.unique(paths.link))
+        self.links = max(len(np.unique(paths.link)), 1)
         sample = points[:: max(len(points) // DENSITY_SAMPLES, 1)]
         counts = self.tree.query_ball_point(sample, COUNT_RADII[-1], return_length=True)
-        self.typical = float(np.median(counts)) / (np.pi * COUNT_RADII[-1] ** 2)  # 1/m2
+        self.typical = float(np.median(counts) if len(counts) else 0.0) / (np.pi * COUNT_RADII[-1] ** 2)  # 1/m2
 
     def expected_false_alarms(self, paths: Paths) -> float:
         """Number of points on which as many links would agree as on these paths if all paths were clutter.

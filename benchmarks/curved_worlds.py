@@ -1,0 +1,159 @@
+"""Curved faces of random places: how many are found, how exact radii are, and how often plane places get cylinders.
+
+Places are traced with `erm.trace`, whose reflections off cylinders are held against closed forms in the tests and
+against an independent script. A place has two to four walls, and with ``--curved`` one to three arcs (radius 1 to 40 m,
+a third of them concave) and up to four pillars. ``--delay-std``, ``--azimuth-std``, ``--strays`` are what a measurement
+adds.
+
+    python benchmarks/curved_worlds.py --places 10 [--plane] [--delay-std 0.1] [--azimuth-std 1] [--strays 0.25]
+"""
+
+import argparse
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import erm
+from erm.maps.environment import Slab
+
+FREQUENCY = 60e9
+DYNAMIC_RANGE = 30.0  # dB
+
+
+def place(rng: np.random.Generator, *, curved: bool) -> erm.Environment:
+    """A random place within 25 m of the origin."""
+    environment = erm.Environment.empty(ground=Slab(0.0))
+    ends = []
+    for _ in range(rng.integers(2, 5)):
+        turn, distance, half = rng.uniform(0, 360), rng.uniform(12, 22), rng.uniform(4, 20)
+        n = np.array([np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn))])
+        along = np.array([-n[1], n[0]])
+        middle = distance * n + rng.uniform(-5, 5) * along
+        ends.append([middle - half * along, middle + half * along])
+    environment = erm.Environment.walls(ends, top=12.0, ground=Slab(0.0))
+    if not curved:
+        return environment
+    for _ in range(rng.integers(1, 4)):
+        radius = float(np.exp(rng.uniform(0, np.log(40)))) * (1 if rng.random() < 2 / 3 else -1)
+        facing = rng.uniform(0, 360)  # toward the antennas, from the face
+        n = np.array([np.cos(np.deg2rad(facing)), np.sin(np.deg2rad(facing))])
+        centre = -rng.uniform(6, 18) * n - radius * n
+        half = min(np.rad2deg(rng.uniform(2, 10) / abs(radius)), 120)
+        middle = facing + (180 if radius < 0 else 0)
+        environment = environment.with_arcs([centre], radius, [[middle - half, middle + half]], top=10.0)
+    pillars = rng.integers(0, 5)
+    for centre in rng.uniform(-9, 9, (pillars, 2)):
+        environment = environment.with_poles([centre], float(np.exp(rng.uniform(np.log(0.15), np.log(0.6)))), top=6.0)
+    return environment
+
+
+def measured(environment: erm.Environment, rng: np.random.Generator, options: argparse.Namespace) -> tuple[Any, list]:
+    """An MPC table of the place, and the true reflection points (reflector, position, point)."""
+    tx = np.array([*rng.uniform(-8, 8, 2), rng.uniform(2, 6)])
+    rows: dict[str, list] = {name: [] for name in ("position", "rx", "delay", "azimuth", "gain")}
+    hits = []
+    count = rng.integers(20, 45)
+    for number in range(count):
+        rx = np.array([*rng.uniform(-11, 11, 2), 1.5])
+        paths = erm.trace(environment, tx, rx, FREQUENCY, max_order=2)
+        if not paths.sizes["path"]:
+            continue
+        gain = paths.path_gain.values
+        for path in np.flatnonzero(gain > gain.max() - DYNAMIC_RANGE).tolist():
+            rows["position"].append(f"P{number:02d}")
+            rows["rx"].append(rx)
+            rows["delay"].append(paths.delay.values[path] + options.delay_std * 1e-9 * rng.standard_normal())
+            rows["azimuth"].append(paths.azimuth.values[path] + options.azimuth_std * rng.standard_normal())
+            rows["gain"].append(gain[path] + rng.normal(0, 1 if options.strays else 0))
+            if paths.order.values[path] == 1 and paths.reflector.values[path, 0] >= 0:
+                hits.append((int(paths.reflector.values[path, 0]), number, paths.vertices.values[path, 0, :2]))
+        for _ in range(rng.poisson(options.strays * len(gain))):
+            rows["position"].append(f"P{number:02d}")
+            rows["rx"].append(rx)
+            rows["delay"].append(np.linalg.norm(tx - rx) / 299792458.0 + rng.uniform(2e-9, 80e-9))
+            rows["azimuth"].append(rng.uniform(0, 360))
+            rows["gain"].append(gain.max() - rng.uniform(8, DYNAMIC_RANGE))
+    columns = {
+        "position": np.array(rows["position"]),
+        "tx_position": np.tile(tx, (len(rows["position"]), 1)),
+        "rx_position": np.array(rows["rx"]),
+        "frequency": FREQUENCY,
+        "delay": np.array(rows["delay"]),
+        "azimuth": np.array(rows["azimuth"]),
+        "path_gain": np.array(rows["gain"]),
+    }
+    if options.delay_std:
+        columns |= {"delay_std": options.delay_std * 1e-9, "azimuth_std": options.azimuth_std}
+    return erm.make_table(columns), hits
+
+
+def distances(found: xr.Dataset, points: np.ndarray) -> np.ndarray:
+    """Distances (reflector, point) of points from the reflectors of a map [m]."""
+    from shapely import LineString
+    from shapely import points as shapely_points
+
+    from erm.maps.arcs import arc_points
+
+    lines = []
+    for row in range(found.sizes["reflector"]):
+        ends, centre, radius = (found[name].values[row] for name in ("end_points", "centre", "radius"))
+        if found.kind.values[row] == "pole":
+            ends = centre + radius * np.array([[1.0, 0.0], [1.0, 0.0]])
+        lines.append(LineString(ends if found.kind.values[row] == "wall" else arc_points(ends, centre, radius)))
+    return np.array([line.distance(shapely_points(points)) for line in lines]).reshape(len(lines), -1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--places", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--plane", action="store_true")
+    parser.add_argument("--delay-std", type=float, default=0.0)
+    parser.add_argument("--azimuth-std", type=float, default=0.0)
+    parser.add_argument("--strays", type=float, default=0.0)
+    parser.add_argument("--tolerance", type=float, default=0.05)
+    options = parser.parse_args()
+    total = {kind: [0, 0] for kind in ("wall", "arc", "pole")}
+    radii, right, length, cylinders = [], 0.0, 0.0, 0
+    for seed in range(options.seed, options.seed + options.places):
+        rng = np.random.default_rng(seed)
+        environment = place(rng, curved=not options.plane)
+        table, hits = measured(environment, rng, options)
+        found, _ = erm.reconstruct(erm.select(table))
+        kinds = found.reflectors.kind.values
+        cylinders += int(np.sum(kinds != "wall"))
+        line = [f"seed {seed}: {len(table.mpc)} MPCs, found {[str(k) for k in kinds]}"]
+        for row, kind in enumerate(environment.reflectors.kind.values.tolist()):
+            own = [(number, point) for reflector, number, point in hits if reflector == row]
+            if len({number for number, _ in own}) < (3 if kind == "wall" else 4):
+                continue
+            near = distances(found.reflectors, np.array([point for _, point in own])) < options.tolerance
+            share = near.mean(axis=1).max(initial=0.0)
+            total[kind][1] += 1
+            total[kind][0] += int(share >= 0.6)
+            best = int(np.argmax(near.mean(axis=1))) if len(near) else -1
+            true = float(environment.reflectors.radius.values[row])
+            text = f"{kind} r={true:.2f} hits {len(own)} share {share:.2f}"
+            if share >= 0.6 and kind != "wall" and kinds[best] != "wall":
+                got, std = float(found.reflectors.radius.values[best]), float(found.reflectors.radius_std.values[best])
+                radii.append(abs(got - true) < max(0.2 * abs(true), 2 * std))
+                text += f" -> {got:.2f} +- {std:.2f}"
+            line.append(text)
+        for one in np.flatnonzero(kinds != "pole").tolist():
+            ends, centre, radius = (found.reflectors[n].values[one] for n in ("end_points", "centre", "radius"))
+            from erm.maps.arcs import arc_points
+
+            points = ends if kinds[one] == "wall" else arc_points(ends, centre, radius)
+            steps = np.r_[0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=-1))]
+            at = np.arange(0, steps[-1], 0.1)
+            samples = np.stack([np.interp(at, steps, points[:, axis]) for axis in (0, 1)], axis=-1)
+            off = distances(environment.reflectors, samples).min(axis=0)
+            right, length = right + 0.1 * np.sum(off < options.tolerance), length + 0.1 * len(at)
+        print("\n  ".join(line), flush=True)
+    print({kind: f"{a} of {b}" for kind, (a, b) in total.items()}, f"radii right {sum(radii)} of {len(radii)}")
+    print(f"correct length {right / max(length, 1e-9):.3f} of {length:.0f} m, {cylinders} cylinders on the maps")
+
+
+if __name__ == "__main__":
+    main()

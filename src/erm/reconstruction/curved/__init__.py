@@ -1,0 +1,1 @@
+"""Curved faces: paths whose reflection points and normals lie on one vertical cylinder."""

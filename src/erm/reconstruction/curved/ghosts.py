@@ -1,0 +1,251 @@
+r"""Ghosts: cylinders whose paths a chain of two reflections, off a cylinder and a plane, explains as well.
+
+A plane before the cylinder mirrors the transmitter, one after it the receiver and the azimuth of arrival; the rest is a
+single bounce. A chain off two known faces has no free parameter, one off a known cylinder and an unknown plane has two
+(the image in the plane), and one off a known plane and an unknown cylinder has three, as the ghost has. The
+explanations are compared by their evidence (Laplace's method), faces with the most evidence first.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from erm.geometry.cylinders import bounce
+from erm.geometry.vertical import (
+    FloatArray,
+    angle_difference,
+    bisector,
+    horizontal_length,
+    mirrored,
+    reflection_point,
+    unit,
+)
+from erm.reconstruction.curved.elements import LOSS_RANGE, TYPICAL_LOSS, log_odds_of_loss
+from erm.reconstruction.curved.search import MIN_PATHS, CurvedFace, CylinderSearch, log_prior, path_log_odds
+from erm.reconstruction.model.fit import CHI_SQUARED_GATE
+from erm.reconstruction.model.line import Line, mirror_images
+from erm.reconstruction.model.odds import TWENTY_TO_ONE
+from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+
+MAX_STEPS = 12
+"""Gauss-Newton steps of a chain at most. Chosen; not derived."""
+STEP = 1e-6
+"""Step of differences [m, degree]."""
+IMAGE_DENSITY = 1e-4
+"""Prior density of images [1/m2]: one in a square of 100 m. Chosen; not derived."""
+
+
+class Seen(NamedTuple):
+    """Antennas and azimuths (path,) in the mirror of the planes of a chain, and the cylinder between them."""
+
+    tx: FloatArray  # (path, 2)
+    rx: FloatArray  # (path, 2)
+    azimuth: FloatArray  # (path,)
+    centre: FloatArray  # (2,)
+    radius: float
+
+
+Chain = Callable[[Paths, FloatArray], Seen]
+"""What paths are in the mirrors of a chain of given parameters."""
+
+
+def without_ghosts(
+    faces: Sequence[CurvedFace], search: CylinderSearch, lines: Sequence[Line], free: BoolArray
+) -> list[CurvedFace]:
+    """Curved faces that chains off better ones, and off walls, do not explain.
+
+    Parameters
+    ----------
+    faces : sequence of CurvedFace
+        Their inliers are indices of the paths of the search.
+    search : CylinderSearch
+    lines : sequence of Line
+        Walls of the map.
+    free : array (path,) of bool
+        Paths that walls do not explain. A chain may explain more of them than the ghost does.
+    """
+    free = free.copy()
+    accepted: list[CurvedFace] = []
+    for face in sorted(faces, key=lambda face: -face.evidence):
+        own = search.paths.take(face.inliers)
+        explained = np.zeros(len(own), dtype=bool)
+        for known, line in product(accepted, lines):
+            for chain in _known_chains(own, known, line):
+                chi2 = _chi_squared(own, chain, known.fit.covariance)
+                explained |= chi2 < CHI_SQUARED_GATE
+        if explained.any():
+            if np.count_nonzero(~explained) < MIN_PATHS:
+                continue
+            again = search.refine(
+                np.array([*face.fit.centre, face.fit.radius]), face.fit.covariance, face.inliers[~explained]
+            )
+            if again is None or again.evidence < TWENTY_TO_ONE:
+                continue
+            face = again
+        own = search.paths.take(face.inliers)
+        chains = [one for known in accepted for one in _chains_with_plane(own, known)]
+        chains += [one for line in lines for one in _chains_with_cylinder(own, face, line)]
+        rest = np.setdiff1d(np.flatnonzero(free), face.inliers)
+        if all(_evidence(search, face, rest, *one) < face.evidence for one in chains):
+            accepted.append(face)
+            free[face.inliers] = False
+    return accepted
+
+
+def _known_chains(own: Paths, face: CurvedFace, line: Line) -> list[Seen]:
+    """Chains off a wall and a cylinder, in both orders."""
+    return [chain(own, np.array([*face.fit.centre, face.fit.radius])) for chain in _mirrors(line)]
+
+
+def _mirrors(line: Line) -> list[Chain]:
+    """Chains off a wall and then a cylinder of given centre and radius, and in the other order."""
+
+    def image(antenna: FloatArray) -> FloatArray:
+        """Mirror images; the antenna beyond the cylinder may be behind the wall."""
+        in_front = (line.signed_distance(antenna) > 0)[:, None]
+        return np.where(in_front, mirror_images(line, antenna), np.nan)
+
+    def wall_first(own: Paths, p: FloatArray) -> Seen:
+        return Seen(image(own.tx), own.rx[:, :2], own.azimuth, p[:2], float(p[2]))
+
+    def wall_last(own: Paths, p: FloatArray) -> Seen:
+        azimuth = 2 * (line.normal + 90) - own.azimuth
+        return Seen(own.tx[:, :2], image(own.rx), azimuth, p[:2], float(p[2]))
+
+    return [wall_first, wall_last]
+
+
+def _chains_with_cylinder(own: Paths, face: CurvedFace, line: Line) -> list[tuple[Chain, FloatArray, float]]:
+    """Chains off a wall and an unknown cylinder: function, start and log prior of the parameters."""
+    found: list[tuple[Chain, FloatArray, float]] = []
+    for chain in _mirrors(line):
+        seen = chain(own, np.array([0.0, 0.0, 1.0]))
+        point, normal = _elements(own, seen)
+        n = unit(normal)
+        design = np.concatenate([np.tile(np.eye(2), (len(own), 1)), n.reshape(-1, 1)], axis=1)
+        if not np.isfinite(point).all():
+            continue
+        start = np.linalg.lstsq(design, point.reshape(-1), rcond=None)[0]
+        if np.isfinite(start).all() and abs(start[2]) > STEP:
+            found.append((chain, start, log_prior(float(start[2]))))
+    return found
+
+
+def _chains_with_plane(own: Paths, known: CurvedFace) -> list[tuple[Chain, FloatArray, float]]:
+    """Chains off a known cylinder and an unknown plane: function, start and log prior of the parameters."""
+    centre, radius = known.fit.centre, known.fit.radius
+    tx, rx = own.tx[:, :2], own.rx[:, :2]
+    length = horizontal_length(own.tx, own.rx, own.length)
+    u = unit(own.azimuth)
+    main = tx[0]
+
+    def first_plane(own: Paths, p: FloatArray) -> Seen:
+        """The plane before the cylinder, given by the image of the first transmitter."""
+        normal, offset = bisector(main, p)
+        return Seen(mirrored(own.tx, normal, offset), own.rx[:, :2], own.azimuth, centre, radius)
+
+    def last_plane(own: Paths, p: FloatArray) -> Seen:
+        """The plane after the cylinder, given by the image of its centre."""
+        normal, offset = bisector(centre, p)
+        azimuth = 2 * (normal + 90) - own.azimuth
+        return Seen(own.tx[:, :2], mirrored(own.rx, normal, offset), azimuth, centre, radius)
+
+    # the ray from the receiver meets the circle, or passes it nearby, and is reflected there toward the image
+    ahead = np.sum((centre - rx) * u, axis=-1)
+    aside = np.sum((centre - rx) ** 2, axis=-1) - ahead**2
+    reach = ahead - np.sign(radius) * np.sqrt(np.maximum(radius**2 - aside, 0.0))
+    point = rx + reach[:, None] * u
+    n = (point - centre) / np.maximum(np.linalg.norm(point - centre, axis=-1, keepdims=True), STEP)
+    turned = u - 2 * np.sum(u * n, axis=-1, keepdims=True) * n
+    of_tx = np.median(point + (length - reach)[:, None] * turned, axis=0)
+    # the path to the surface is shorter than that to the axis by up to a radius, twice that with the leg behind it
+    from_axis = length - np.linalg.norm(tx - centre, axis=-1)
+    images = [rx + (from_axis + share * radius)[:, None] * u for share in (0.0, 0.5, 1.0, 1.5, 2.0)]
+    of_centre = np.median(min(images, key=lambda one: float(np.ptp(one, axis=0).sum())), axis=0)
+    prior = float(np.log(IMAGE_DENSITY))
+    return [(first_plane, of_tx, prior), (last_plane, of_centre, prior)]
+
+
+def _elements(own: Paths, seen: Seen) -> tuple[FloatArray, FloatArray]:
+    """Reflection points and normals of the cylinder of a chain, from what was measured."""
+    height = own.tx[:, 2] - own.rx[:, 2]
+    tx, rx = np.column_stack([seen.tx, height]), np.column_stack([seen.rx, np.zeros(len(own))])
+    return reflection_point(tx, rx, own.length, seen.azimuth)
+
+
+def _compare(own: Paths, seen: Seen) -> FloatArray:
+    """Measured minus predicted length and azimuth (path, 2) of a chain, in standard errors; NaN where impossible."""
+    _, normal = _elements(own, seen)
+    found = bounce(seen.tx, seen.rx, seen.centre, np.full(len(own), seen.radius), normal)
+    slant = np.hypot(found.length, own.tx[:, 2] - own.rx[:, 2])
+    residual = np.stack([own.length - slant, angle_difference(seen.azimuth, found.azimuth)], axis=-1)
+    return residual / np.stack([own.length_std, own.azimuth_std], axis=-1)
+
+
+def _chi_squared(own: Paths, seen: Seen, covariance: FloatArray) -> FloatArray:
+    """Chi-squared (path,) of a chain off known faces, the error of the cylinder included; infinite if impossible."""
+    _, normal = _elements(own, seen)
+    found = bounce(seen.tx, seen.rx, seen.centre, np.full(len(own), seen.radius), normal)
+    std = np.stack([own.length_std, own.azimuth_std], axis=-1)
+    slopes = np.stack([found.length_slopes, found.azimuth_slopes], axis=1) / std[:, :, None]
+    residual = _compare(own, seen)
+    usable = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1)
+    chi2 = np.full(len(own), np.inf)
+    spread = np.eye(2) + slopes[usable] @ covariance @ slopes[usable].swapaxes(-1, -2)
+    chi2[usable] = np.einsum("ni,nij,nj->n", residual[usable], np.linalg.inv(spread), residual[usable])
+    return chi2
+
+
+def _evidence(
+    search: CylinderSearch, ghost: CurvedFace, rest: IntArray, chain: Chain, start: FloatArray, prior: float
+) -> float:
+    """Log odds of a chain with unknown parameters against clutter: paths that it does not explain are clutter.
+
+    It is fitted to the paths of a ghost, and may explain others, at most one of each link.
+    """
+    own = search.paths.take(ghost.inliers)
+    parameters, count = start.copy(), len(start)
+    normal_matrix = np.eye(count)
+    for _ in range(MAX_STEPS):
+        residual = _compare(own, chain(own, parameters))
+        slopes = np.stack(
+            [(residual - _compare(own, chain(own, parameters + STEP * one))) / STEP for one in np.eye(count)], axis=-1
+        )
+        usable = np.isfinite(residual).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
+        if np.count_nonzero(usable) < MIN_PATHS:
+            return -np.inf
+        design, value = slopes[usable].reshape(-1, count), residual[usable].ravel()
+        weight = 1 / np.maximum(np.abs(value) / 2.0, 1.0)
+        normal_matrix = (design * weight[:, None]).T @ design
+        step = np.linalg.lstsq(normal_matrix, design.T @ (weight * value), rcond=None)[0]
+        parameters = parameters + step
+        if not np.isfinite(parameters).all():
+            return -np.inf
+        if step @ normal_matrix @ step < 1e-4:
+            break
+    rows = np.r_[ghost.inliers, rest]
+    own, elements = search.paths.take(rows), search.elements.take(rows)
+    clutter = np.maximum(elements.log_clutter[len(ghost.inliers) :], ghost.log_clutter.mean())
+    elements = elements._replace(log_clutter=np.r_[ghost.log_clutter, clutter])
+    seen = chain(own, parameters)
+    residual = _compare(own, seen)
+    chi2 = np.where(np.isfinite(residual[:, 0]), np.sum(residual**2, axis=-1), np.inf)
+    odds = path_log_odds(chi2, elements) + log_odds_of_loss(
+        elements.loss - _excess(seen, own), elements.loss_std, 2 * TYPICAL_LOSS, np.sqrt(2) * LOSS_RANGE
+    )
+    best = np.zeros(int(own.link.max()) + 1)
+    np.maximum.at(best, own.link, odds)
+    volume = count / 2 * np.log(2 * np.pi) - np.linalg.slogdet(normal_matrix)[1] / 2
+    return float(best.sum() + volume + prior + ghost.log_view)
+
+
+def _excess(seen: Seen, own: Paths) -> FloatArray:
+    """Loss (path,) by the divergence of the cylinder of a chain, the rays taken as level [dB]."""
+    _, normal = _elements(own, seen)
+    found = bounce(seen.tx, seen.rx, seen.centre, np.full(len(own), seen.radius), normal)
+    s1 = np.linalg.norm(found.point - seen.tx, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = 1 + 2 * s1 * (found.length - s1) / (found.length * seen.radius * found.cosine)
+        return np.nan_to_num(10 * np.log10(np.abs(ratio)))
