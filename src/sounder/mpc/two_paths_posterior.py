@@ -26,6 +26,8 @@ from sounder.mpc.two_paths_fit import LEVEL_SPREAD, PARAMETERS, PHASES
 from sounder.mpc.whitened_samples import BeamSamples
 
 Real = NDArray[np.float64]
+LARGEST = float(np.finfo(np.float32).max) ** 0.25
+"""Amplitude over noise from which on draws are alike (190 dB): its square times a sum of samples is still a number."""
 
 DRAWN_PARAMETERS = np.array(
     [path * PARAMETERS + parameter for path in range(2) for parameter in (AZIMUTH, ELEVATION, LEVEL)]
@@ -117,7 +119,7 @@ def _log_likelihood(drawn: Real, delay: Real, bounds: Real, beams: BeamSamples, 
     output = beams.samples @ pulse.conj().T  # (beam, path)
     toward = 10 ** (scan.pattern.beam_gain(drawn[..., :1], drawn[..., 1:2], *beams.directions.T) / 20)
     # In single precision the logarithm is good to 1e-3, and takes half the time.
-    size = (np.exp(drawn[..., 2:]) * toward / np.sqrt(beams.noise)).astype(np.float32)
+    size = np.minimum(np.exp(drawn[..., 2:]) * toward / np.sqrt(beams.noise), LARGEST).astype(np.float32)
     first, second = size[:, 0], size[:, 1]
     phase = np.exp(1j * PHASES)
     energy = np.sum(np.abs(pulse) ** 2, axis=1).astype(np.float32)

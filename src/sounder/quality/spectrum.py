@@ -10,8 +10,8 @@ from scipy.special import betaln
 from sounder.cir.deembedding import Deembedding
 from sounder.quality.noise_floor import FALSE_ALARM
 
-BLOCK = 64
-"""Lines over which the spectrum of a channel is compared: 75 MHz for 1022 samples at 1.2 GHz. Chosen; not derived."""
+BLOCKS = 16
+"""Parts of the band within which the spectrum of a channel is compared: 75 MHz of 1.2 GHz. Chosen; not derived."""
 DIRECTIONS = 1000
 """Directions of a scan that are counted on."""
 KEPT = 0.03
@@ -42,18 +42,19 @@ def spectral_lines(
     size = responses.shape[-1]
     inside = np.flatnonzero(deembedding.weight > KEPT)
     inside = inside[np.argsort((inside + size // 2) % size)]
-    inside = inside[: inside.size // BLOCK * BLOCK]
+    block = max(size // BLOCKS, 1)
+    inside = inside[: inside.size // block * block]
     if not inside.size:
         return np.full(len(responses), -np.inf), 0.0
     power = np.abs(np.fft.fft(responses)[:, inside] / deembedding.weight[inside]) ** 2
     power[:, inside == 0] = 0  # not measured
-    blocks = power.reshape(len(power), -1, BLOCK)
+    blocks = power.reshape(len(power), -1, block)
     line = np.max(blocks.max(axis=-1) / np.median(blocks, axis=-1), axis=-1)
-    return 10 * np.log10(line), 10 * float(np.log10(line_bound(inside.size)))
+    return 10 * np.log10(line), 10 * float(np.log10(line_bound(inside.size, block)))
 
 
 @cache
-def line_bound(lines: int) -> float:
+def line_bound(lines: int, block: int) -> float:
     """Ratio of a line to the median of its block that the strongest of all lines exceeds with `FALSE_ALARM`.
 
     A median ``m`` of ``n`` exponential powers of mean 1 has ``1 - exp(-m)`` distributed as ``Beta(k, k)`` with
@@ -61,10 +62,10 @@ def line_bound(lines: int) -> float:
 
     Examples
     --------
-    >>> round(line_bound(704))  # 16 dB
+    >>> round(line_bound(704, 64))  # 16 dB
     41
     """
-    half = (BLOCK + 1) / 2
+    half = (block + 1) / 2
     wanted = np.log(FALSE_ALARM / DIRECTIONS / lines)
     ratio: float = brentq(lambda b: betaln(half, half + b) - betaln(half, half) - wanted, 1.0, 1e4)
     return ratio

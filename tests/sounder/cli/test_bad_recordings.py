@@ -16,7 +16,7 @@ def spoil(path: Path, what: str) -> None:
         iq = file["iq"]
         if what == "samples":
             data, scale = iq[..., :200, :], iq.attrs["scale_factor"]
-            del file["iq"]
+            del file["iq"], file.attrs["members"]  # as if it had been written so
             file["iq"] = data
             file["iq"].attrs["scale_factor"] = scale
         elif what == "nan":
