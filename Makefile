@@ -1,7 +1,7 @@
 # Every target makes its own .venv; nothing is needed beside Python >= 3.11 with pip.
 #   make check   lint, types, import rules and the fast tests: the inner loop
 #   make test    the same with all tests but the longest
-#   make long    the tests that take ten seconds or more
+#   make long    the longest tests, each several seconds of a processor
 #   make lowest  the fast tests with the lowest versions that pyproject.toml admits
 # Another interpreter: make PYTHON=python3.12 test
 

@@ -17,24 +17,34 @@ SLOW_EXAMPLES = (
 """Files whose docstrings have examples that process captures."""
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 LONG_TESTS = (
-    "tests/erm/reconstruction/test_bundle_walls.py::test_chains",
-    "tests/erm/reconstruction/test_rx_std.py",
+    "tests/erm/reconstruction/search/test_bent_facades.py::test_a_straight_facade_is_one_wall[10.0]",
     "tests/erm/reconstruction/search/test_density.py::test_four_links",
+    "tests/erm/reconstruction/test_bundle_walls.py::test_chains",
+    "tests/erm/reconstruction/test_invariance.py::test_a_campaign_that_was_copied",
+    "tests/erm/reconstruction/test_raytraced.py::test_all_specular_paths_with_noise_give_walls_to_centimetres[lroom]",
+    "tests/erm/reconstruction/test_rx_std.py",
     "tests/sounder/campaign/test_demo.py",
     "tests/sounder/campaign/test_letter_study.py",
     "tests/sounder/campaign/test_study.py",
+    "tests/sounder/cir/test_phase_alignment.py::test_gain_is_true",
     "tests/sounder/cli/test_compiled.py",
+    "tests/sounder/cli/test_figures.py::test_several_processes_draw_the_same",
     "tests/sounder/cli/test_process.py::test_a_run_has_no_kernel_compiled_twice",
     "tests/sounder/cli/test_process.py::test_nothing_is_imported",
     "tests/sounder/kernels/compiler/test_cache.py::test_processes_that_start_together",
-    "tests/sounder/kernels/correlation/test_targets.py::test_llvm",
+    "tests/sounder/kernels/correlation/test_targets.py",
+    "tests/sounder/mpc/test_extract.py::test_errors_are_what_the_standard_deviations_say[35.0]",
     "tests/sounder/mpc/test_fan.py",
+    "tests/sounder/mpc/test_stated.py::test_errors_of_the_pattern_are_those_of_random_horns",
+    "tests/sounder/mpc/test_uncertainty.py::test_errors_among_scattered_rays",
     "tests/sounder/processing/test_cluster.py",
+    "tests/sounder/processing/test_pipeline.py::test_a_position_that_failed_leaves_its_name_to_the_next_recording_of_it[2]",
+    "tests/sounder/processing/test_pipeline.py::test_the_same_failure_of_many_positions_is_reported_once[2]",
     "tests/sounder/processing/test_raytraced.py",
     "tests/sounder/report/test_browser.py",
     "tests/test_packaging.py::test_the_letters_study",
 )
-"""Tests that take ten seconds or more; `make long` runs them."""
+"""Tests that take five to ten seconds of a processor or more; `make long` runs them."""
 
 
 @pytest.fixture(scope="session")
