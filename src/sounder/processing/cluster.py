@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +19,7 @@ from erm.common.errors import DataError
 from erm.common.storage import SOFTWARE, clear_leftovers
 from sounder.kernels.compiler.machine import processors
 from sounder.options import Options
-from sounder.processing.jobs import Job, Source, reopen_job
+from sounder.processing.jobs import Explained, Job, Source, reopen_job
 from sounder.processing.main_guard import require_main_guard
 from sounder.processing.position import FilterCache, Outcome, process_position
 
@@ -97,14 +96,14 @@ def process_on_workers(
 
 def _absolute(source: Source) -> Source:
     """Absolute paths: workers may run in another folder."""
-    paths: dict[str, Any] = {name: path.absolute() for name, path in vars(source).items() if isinstance(path, Path)}
-    return replace(source, **paths)
+    explained = {name: path and path.absolute() for name, path in vars(source.explained).items()}
+    return Source(source.path.absolute(), source.position, Explained(**explained))
 
 
 def _as_given(line: str, job: Job) -> str:
     """Name files as the user did."""
-    for path in vars(job.source).values():
-        line = line.replace(str(path.absolute()), str(path)) if isinstance(path, Path) else line
+    for path in (job.source.path, *job.source.explained.files):
+        line = line.replace(str(path.absolute()), str(path))
     return line
 
 
