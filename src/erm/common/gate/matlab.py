@@ -71,7 +71,7 @@ def _receive(path: Path, stream: IO[bytes], tables: dict[str, Any], budget: int)
         if left < 0:
             raise DataError(f"{path}: {too_large(budget - left)}")
         values = np.empty(shape, dtype)
-        if length and stream.readinto(values.reshape(-1).view(np.uint8)) != length:  # type: ignore[attr-defined]
+        if length and stream.readinto(values.reshape(-1).view(np.uint8)) != length:  # type: ignore[attr-defined] # IO lacks it, files have it
             return False
         tables[str(head["name"])] = values
     return False
