@@ -1,5 +1,6 @@
 """The command ``erm export``: a map in another format, and its place on earth."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,14 @@ def export(
     heading: Annotated[
         float, typer.Option(help="Bearing of the local north, clockwise from true north [degree].")
     ] = 0.0,
+    crs: Annotated[
+        str | None,
+        typer.Option(
+            help=".gpkg and .dxf of a map with an origin: coordinate system, such as EPSG:25832 or 'ETRS89 / UTM zone "
+            "32N'. Default: WGS 84 for .gpkg, local metres for .dxf.",
+            show_default=False,
+        ),
+    ] = None,
     height: Annotated[
         float,
         typer.Option(min=0.0, help="Drawings: height above the ground of walls that have no known upper edge [m]."),
@@ -43,13 +52,14 @@ def export(
 ) -> None:
     """Write a map in another format, or set its place on earth.
 
-    A map with an origin is written as GeoJSON in WGS 84. All map formats keep the origin. The .xml is a scene for
-    Sionna RT (Mitsuba 3).
+    A map with an origin is written as GeoJSON and GeoPackage in WGS 84, or in another system by --crs. All map
+    formats keep the origin. A .gpkg has layers of walls, poles, arcs and, of a .h5 map, of reflection points, TX and
+    RX. The .xml is a scene for Sionna RT (Mitsuba 3).
     """
     from dataclasses import replace
 
-    from erm.maps.formats import read_map, require_format, write_map
-    from erm.maps.georeference import Georeference
+    from erm.maps.formats import read_map, read_measured, require_format, write_map
+    from erm.maps.georeference import Georeference, remark_on_system
     from erm.maps.reflectors import counted_reflectors
 
     if origin is None and (origin_height or heading):
@@ -63,6 +73,9 @@ def export(
     place = read_map(environment)
     if georeference is not None:
         place = replace(place, georeference=georeference)
-    write_map(place, out, height=height, margin=margin, frequency=frequency)
+    mpcs, positions = read_measured(environment)
+    write_map(place, out, mpcs=mpcs, positions=positions, height=height, margin=margin, frequency=frequency, crs=crs)
+    if crs and place.georeference and (remark := remark_on_system(crs, place.georeference)):
+        print(f"note: {remark}", file=sys.stderr)
     meshes = f"; meshes: {out.stem}-*.ply" if out.suffix.lower() == ".xml" else ""
     print(f"{out}: {counted_reflectors(place.reflectors['kind'].values.tolist())}{meshes}")

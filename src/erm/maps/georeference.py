@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from erm.common.errors import DataError
+from erm.common.errors import DataError, OptionError
 from erm.common.optional import require_library
 from erm.common.topocentric import MAX_DISTANCE, topocentric
 from erm.geometry.vertical import FloatArray
@@ -213,6 +213,66 @@ def place_in_frame(points: FloatArray, crs: str | None, frame: Georeference | No
     except pyproj.exceptions.ProjError as error:
         raise DataError(f"coordinate system {name} is not known ({error}); expected one such as EPSG:25832") from None
     return frame.to_local(np.stack([longitude, latitude], axis=-1))[..., :2]
+
+
+def place_in_system(points: FloatArray, crs: str | None, frame: Georeference | None) -> FloatArray:
+    """Points (..., 2) in a coordinate system of local points [m]; the inverse of `place_in_frame`.
+
+    Raises
+    ------
+    DataError
+        The system does not reach the place, or pyproj is not installed.
+    """
+    if crs is None or frame is None:
+        return points
+    pyproj = require_library("pyproj", "gis", crs, "use local metres")
+    longitude, latitude, _ = np.moveaxis(frame.to_geodetic(points), -1, 0)
+    transformer = pyproj.Transformer.from_crs(WGS84, crs, always_xy=True)
+    placed = np.stack(transformer.transform(longitude, latitude), axis=-1)
+    if not np.isfinite(placed).all():
+        raise DataError(f"{crs} does not reach latitude {frame.latitude}, longitude {frame.longitude}; choose another")
+    return placed
+
+
+def known_system(name: str, *, metres: bool = False) -> str:
+    """Code (``EPSG:25832``) of a coordinate system, or its WKT where it has none.
+
+    Refuses one that is not known, or has no two axes on earth; with ``metres``, also degrees and feet.
+
+    Raises
+    ------
+    OptionError
+        See above.
+    DataError
+        pyproj is not installed.
+    """
+    pyproj = require_library("pyproj", "gis", name, "use local metres")
+    try:
+        system = pyproj.CRS.from_user_input(name)
+    except pyproj.exceptions.ProjError:
+        raise OptionError(f"coordinate system {name!r} is not known; expected one such as EPSG:25832") from None
+    units = {axis.unit_name for axis in system.axis_info}
+    if len(system.axis_info) != 2 or not (system.is_projected or system.is_geographic):
+        raise OptionError(f"coordinate system {name} is no map of the earth; expected one such as EPSG:25832")
+    if metres and units != {"metre"}:
+        raise OptionError(f"coordinate system {name} is in {units.pop()}s; expected one in metres, such as EPSG:25832")
+    return ":".join(system.to_authority() or ()) or system.to_wkt()
+
+
+def remark_on_system(crs: str, frame: Georeference) -> str | None:
+    """Say that an origin lies outside the area that a coordinate system is made for."""
+    pyproj = require_library("pyproj", "gis", crs, "use local metres")
+    area = pyproj.CRS.from_user_input(crs).area_of_use
+    if area is None:
+        return None
+    width = (area.east - area.west) % 360 or 360.0
+    inside = area.south <= frame.latitude <= area.north and (frame.longitude - area.west) % 360 <= width
+    if inside:
+        return None
+    return (
+        f"{crs} is made for longitudes {area.west:g} to {area.east:g} and latitudes {area.south:g} to {area.north:g}; "
+        f"the origin is at longitude {frame.longitude:g}, latitude {frame.latitude:g}"
+    )
 
 
 def _topocentric(frame: Georeference) -> "Transformer":

@@ -20,7 +20,9 @@ COLUMNS = ("position", "los", "tx_position", "rx_position", "frequency", *VALUES
 
 
 def with_images(table: "xr.Dataset", located: "xr.Dataset") -> "xr.Dataset":
-    """Return the MPCs as measured, with common image and wall of each, for `erm.maps.formats.write_map`.
+    """Return the MPCs as measured, with common image, wall and reflection point, for `erm.maps.formats.write_map`.
+
+    The reflection point is NaN where the MPC was not accepted as a single bounce.
 
     Parameters
     ----------
@@ -29,7 +31,8 @@ def with_images(table: "xr.Dataset", located: "xr.Dataset") -> "xr.Dataset":
     located : xarray.Dataset
         Table of `erm.reconstruct`.
     """
-    return table[list(COLUMNS)].assign(image=located["image"], wall=located["wall"])
+    point = located["reflection_point"].where(located["accepted"])
+    return table[list(COLUMNS)].assign(image=located["image"], wall=located["wall"], reflection_point=point)
 
 
 def read_map_mpcs(path: Path) -> tuple["xr.Dataset", IntArray]:

@@ -90,7 +90,8 @@ class Map(Table):
     """Options of ``erm reconstruct``, and what else is made of the map.
 
     ``origin`` is latitude and longitude [degree] and optionally height [m] of the local (0, 0, 0); ``heading`` is the
-    bearing of the local y axis, as in :class:`erm.Georeference`. The map is scored against the known ``outline``.
+    bearing of the local y axis, as in :class:`erm.Georeference`; ``crs`` is the system of GeoPackage and DXF. The map
+    is scored against the known ``outline``.
     """
 
     threshold: SelectionThreshold = "consistency"
@@ -106,6 +107,7 @@ class Map(Table):
         Alternatives("latitude, longitude and, optionally, height"),
     ] = None
     heading: float = 0.0
+    crs: str | None = None
     outline: RelativePath | None = None
     formats: tuple[MapFormat, ...] = ("h5", "geojson")
 
@@ -121,6 +123,8 @@ class Map(Table):
     def _check_georeference(self) -> Self:
         if self.heading and self.origin is None:
             raise ValueError("heading is given without origin; expected both or neither")
+        if self.crs is not None and self.origin is None:
+            raise ValueError("crs is given without origin; expected both or neither")
         try:
             self.georeference  # noqa: B018 (it checks its numbers)
         except DataError as error:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from erm.common import console
-from erm.common.errors import DataError
+from erm.common.errors import DataError, OptionError
 from erm.common.optional import require_library
 from erm.common.outputs import locked, protect_inputs, require_folder
 from erm.common.page import remove_outdated
@@ -19,7 +19,8 @@ from erm.common.storage import clear_leftovers, open_group
 from erm.evaluation.evaluate_map import evaluate_map
 from erm.figures import plot_map
 from erm.maps.environment import Environment
-from erm.maps.formats import require_format, write_map
+from erm.maps.formats import PLACED, require_format, write_map
+from erm.maps.georeference import known_system
 from erm.maps.outline import known_faces
 from erm.mpcs.files import read_mpcs, write_mpcs
 from erm.mpcs.reflection_points import write_reflection_points
@@ -120,7 +121,13 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
     parameters, statistics = _write_parameters(outcome.products, out)
     environment, located = _make_map(campaign, table, outcome.products)
     for suffix in campaign.map.formats:
-        write_map(environment, out / f"map.{suffix}", mpcs=with_images(table, located), positions=positions_of(located))
+        write_map(
+            environment,
+            out / f"map.{suffix}",
+            mpcs=with_images(table, located),
+            positions=positions_of(located),
+            crs=campaign.map.crs if f".{suffix}" in PLACED else None,
+        )
     write_reflection_points(located, out / POINTS)
     roots = {product: open_group(product) for product in outcome.products}
     names = [str(root["position"].item()) for root in roots.values()]
@@ -167,6 +174,11 @@ def _check_outputs(campaign: Campaign, out: Path) -> NDArray[Any] | None:
     georeference = campaign.map.georeference
     if georeference is not None:
         require_library("pyproj", "gis", f"{campaign.source}: map.origin", "leave it out")
+    if campaign.map.crs is not None:
+        try:
+            known_system(campaign.map.crs, metres="dxf" in campaign.map.formats)
+        except OptionError as error:
+            raise DataError(f"{campaign.source}: map.crs: {error}") from None
     for suffix in campaign.map.formats:
         require_format(out / f"map.{suffix}")
     outline = campaign.map.outline

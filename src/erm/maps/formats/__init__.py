@@ -22,6 +22,8 @@ Reader = Callable[[Path], tuple["Columns", dict[str, Any]]]
 HDF5, GEOJSON = (".h5", ".hdf5", ".nc"), (".geojson", ".json")
 MAPS = (*HDF5, *GEOJSON, ".gpkg", ".csv")
 """Suffixes of the formats that are written and read."""
+PLACED = (".gpkg", ".dxf")
+"""Suffixes of the formats whose coordinates may be in a projected system."""
 DRAWINGS = (".dxf", ".obj", ".ply", ".xml")
 """Suffixes of the formats that are only written. They hold shapes without errors and support."""
 DRAWING_HEIGHT, DRAWING_MARGIN, DRAWING_FREQUENCY = 30.0, 50.0, 132e9
@@ -37,6 +39,7 @@ def write_map(
     height: float = DRAWING_HEIGHT,
     margin: float = DRAWING_MARGIN,
     frequency: float = DRAWING_FREQUENCY,
+    crs: str | None = None,
 ) -> None:
     """Write a map in the format of the suffix. The file is written completely or not at all.
 
@@ -50,19 +53,26 @@ def write_map(
     path : path
         The file.
     mpcs : xarray.Dataset, optional
-        MPCs that the map was made from. HDF5 keeps them in the group ``/mpc``; other formats do not.
+        MPCs that the map was made from. HDF5 keeps them in the group ``/mpc``; GeoPackage has layers of their
+        reflection points and antennas; other formats do not keep them.
     positions : xarray.Dataset, optional
-        Positions without the errors of the survey. HDF5 keeps them in the group ``/positions``; other formats do not.
+        Positions without the errors of the survey. HDF5 keeps them in the group ``/positions``, GeoPackage in the
+        layer ``rx``.
     height, margin : float
         Drawings only. Walls without upper end are cut at this height above the ground; ground and ceiling extend
         by this margin beyond the walls [m]. See `erm.maps.formats.surfaces.extrude`.
     frequency : float
         Only .xml: materials that the ray tracer does not know are evaluated at this frequency [Hz].
+    crs : str, optional
+        Only .gpkg and .dxf of an environment with an origin: coordinate system, by a name or code that PROJ knows,
+        such as "EPSG:25832" or "ETRS89 / UTM zone 32N". Default: WGS 84 for .gpkg, local metres for .dxf.
 
     Raises
     ------
     DataError
         The suffix names no format, the folder is not writable, or an optional library is missing.
+    OptionError
+        The format cannot be in a coordinate system of its own, the system is not known, or there is no origin.
 
     Examples
     --------
@@ -77,14 +87,21 @@ def write_map(
 
     path = Path(path)
     require_format(path)
+    if crs is not None:
+        crs = _known_system(path, crs, environment)
     if path.suffix.lower() in DRAWINGS:
-        _draw(environment, path, height, margin, frequency)
+        _draw(environment, path, height, margin, frequency, crs)
         return
     columns, scene = to_columns(environment.reflectors), to_scene(environment)
     if path.suffix.lower() in HDF5:
         from erm.maps.formats import hdf5
 
         hdf5.write(columns, scene, path, {"/mpc": mpcs, "/positions": positions})
+        return
+    if path.suffix.lower() == ".gpkg":
+        from erm.maps.formats import geopackage
+
+        geopackage.write(columns, scene, path, mpcs=mpcs, positions=positions, crs=crs)
         return
     write, _ = _format_of(path)
     write(columns, scene, path)
@@ -152,7 +169,36 @@ def require_format(path: Path) -> None:
         geopackage.library(path)
 
 
-def _draw(environment: "Environment", path: Path, height: float, margin: float, frequency: float) -> None:
+def read_measured(path: Path | str) -> "tuple[xr.Dataset | None, xr.Dataset | None]":
+    """Read what a map was made from: its MPCs and its positions, as `write_map` takes them; None where it has none.
+
+    Parameters
+    ----------
+    path : path
+        Map; only HDF5 holds them.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in HDF5:
+        return None, None
+    from erm.maps.formats.hdf5 import read_group
+
+    return read_group(path, "/mpc"), read_group(path, "/positions")
+
+
+def _known_system(path: Path, crs: str, environment: "Environment") -> str:
+    """Code of a coordinate system that the file can be in."""
+    from erm.maps.georeference import known_system
+
+    if path.suffix.lower() not in PLACED:
+        raise OptionError(f"{path}: coordinates of this format cannot be in {crs}; choose {' or '.join(PLACED)}")
+    if environment.georeference is None:
+        raise OptionError(f"{path}: the map has no origin, so it cannot be in {crs}; give its latitude and longitude")
+    return known_system(crs, metres=path.suffix.lower() == ".dxf")
+
+
+def _draw(
+    environment: "Environment", path: Path, height: float, margin: float, frequency: float, crs: str | None
+) -> None:
     """Write one of the `DRAWINGS`."""
     from erm.maps.formats import dxf, mitsuba, obj, ply
     from erm.maps.formats.surfaces import extrude
@@ -163,7 +209,7 @@ def _draw(environment: "Environment", path: Path, height: float, margin: float, 
         raise OptionError(f"{path}: frequency {frequency:g} Hz; expected a positive number")
     suffix = path.suffix.lower()
     if suffix == ".dxf":
-        dxf.write(environment, path, height=height, margin=margin)
+        dxf.write(environment, path, height=height, margin=margin, crs=crs)
         return
     surfaces = extrude(environment, height=height, margin=margin)
     if suffix == ".ply":

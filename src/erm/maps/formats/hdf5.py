@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from erm.common.errors import DataError
+from erm.common.gate.hdf5 import open_hdf5
 from erm.common.gate.nesting import parse_json
 from erm.common.storage import open_group, write_product
 from erm.maps.formats.columns import CENTRE, COVARIANCES, DEFAULTS, ENDS, Columns
@@ -46,6 +47,13 @@ def write(
             table[name].encoding["dtype"] = str  # an empty table of objects does not tell that it holds text
     others = {name: group for name, group in (groups or {}).items() if group is not None}
     write_product({"/": table} | others, path)
+
+
+def read_group(path: Path, name: str) -> "xr.Dataset | None":
+    """Group of a file of `write`; None if it has none of that name."""
+    with open_hdf5(path) as file:
+        there = name.strip("/") in file
+    return open_group(path, name) if there else None
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
