@@ -12,6 +12,10 @@ SLOW_EXAMPLES = (
     "src/sounder/campaign/run.py",
     "src/sounder/processing/channel_parameters.py",
     "src/sounder/products/engine.py",
+    "src/sounder/processing/pipeline.py",
+    "src/erm/evaluation/leave_one_out.py",
+    "src/erm/survey/calibration.py",
+    "src/erm/survey/conventions.py",
     "src/erm/reconstruction/make_map.py",
 )
 """Files whose docstrings have examples that process captures."""

@@ -80,6 +80,7 @@ def test_the_letters_study_finds_the_twin_of_the_installation(elsewhere):
     assert elsewhere("-c", program).strip() == "['sounder.campaign.study']"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sounder", "erm"])
 def test_command_line_starts_from_the_installation(elsewhere, name):
     # through the entry point, as the script that pip writes does

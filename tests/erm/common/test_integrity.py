@@ -50,6 +50,7 @@ def chunks(path):
     return places
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(data=st.data())
 def test_every_changed_bit_of_a_dataset_is_found(data, tmp_path_factory):

@@ -34,6 +34,7 @@ def campaign(rx, tx=(0.0, 40.0)):
     )
 
 
+@pytest.mark.slow
 def test_names_of_crowded_positions_do_not_overlap():
     rng = np.random.default_rng(1)
     rx = np.vstack([rng.uniform(0, 100, (12, 2)), rng.uniform(40, 55, (8, 2))])

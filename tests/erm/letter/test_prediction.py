@@ -56,6 +56,7 @@ def test_choices_are_spread_over_all_positions_and_repeat_themselves():
     assert choose_positions(5, 9, 3) == [[0, 1, 2, 3, 4]]
 
 
+@pytest.mark.slow
 def test_a_wall_over_an_opening_predicts_falsely_until_it_is_cut_back(street):
     # in truth the northern face hangs over a passage between east 20 and 60, from 8 m up
     south = [[90, -15], [-20, -15]]

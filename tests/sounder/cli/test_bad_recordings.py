@@ -108,6 +108,7 @@ def test_directions_of_zeros_or_clipped_samples_are_summed_up(copied, capsys):
     assert facts(capsys)["health"] == "no direction missing, 1 all zero, 4 clipped"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("end", "east"),
     [("rx_position", 62.0), ("tx_position", -46.0)],  # the period is 63.5 m of path

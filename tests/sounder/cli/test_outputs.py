@@ -28,6 +28,7 @@ def test_a_product_never_replaces_another_input(copied, capsys, name):
     assert {key: value for key, value in digest(copied).items() if key in before} == before
 
 
+@pytest.mark.slow
 def test_two_positions_of_one_name_are_reported(copied, capsys):
     shutil.copy(copied / "RX1.h5", copied / "copy.h5")
     b2b = copied / "back-to-back.h5"

@@ -91,6 +91,7 @@ def test_the_same_command_gives_the_same_bytes_and_leaves_its_inputs(campaign, p
     assert digest(tmp_path / "simulated" / "raw") == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("averaging", ["phase-aligned", "power"])
 def test_options_are_stored(campaign, tmp_path, averaging):
     arguments = (

@@ -1,6 +1,7 @@
 """The false-alarm rate of a campaign, whatever the instrument."""
 
 import numpy as np
+import pytest
 import xarray as xr
 
 from sounder.mpc.extract import extract_mpcs
@@ -25,6 +26,7 @@ def random_bench(bench_maker, description, rng):
     )
 
 
+@pytest.mark.slow
 def test_noise_exceeds_the_threshold_at_the_stated_rate_for_any_instrument(bench_maker, description):
     """Ten samples of a scan. Neighbours exceed it together, at most four of them, so that the variance is four-fold."""
     rng = np.random.default_rng(20)

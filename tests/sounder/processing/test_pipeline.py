@@ -167,6 +167,7 @@ def test_noise_alone_gives_a_legal_product_without_mpcs(jobs, tmp_path):
     assert set(mpc) >= {"delay", "azimuth", "elevation", "path_gain"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a/b", "../up", "RX 1", "Straße 7", "..."])
 def test_any_name_of_a_position_becomes_a_file_in_the_folder(jobs, tmp_path, name):
     outcome = process(jobs(name), tmp_path / "out")

@@ -59,6 +59,7 @@ def test_radii_are_as_exact_as_they_say(courtyard):
         assert abs(table.radius.values[near] - radius) < 3 * table.radius_std.values[near]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_rooms_of_planes_get_no_cylinder(noise):
     corners = np.array([[-12.0, -11.0], [12.0, -11.0], [12.0, 13.0], [-12.0, 13.0]])

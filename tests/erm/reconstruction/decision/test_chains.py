@@ -70,6 +70,7 @@ def test_both_orders_of_a_double_reflection_reveal_a_hidden_wall():
     assert not merged["accepted"].values[len(rx) :].any()
 
 
+@pytest.mark.slow
 def test_a_reflection_off_wall_and_ground_makes_no_second_wall():
     rx = route()
     tx = np.tile(TX[0], (len(rx), 1))

@@ -101,6 +101,7 @@ def test_a_lossy_wall_is_accepted_only_if_its_gains_are_uncertain(loss_std, foun
     assert np.any(np.abs(np.abs(offsets) - 60.0) < 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_weak_clutter_makes_no_walls(seed):
     rng = np.random.default_rng(seed)

@@ -102,6 +102,7 @@ def test_the_order_of_the_paths_changes_no_group():
     assert found == shuffled
 
 
+@pytest.mark.slow
 def test_images_restricted_to_free_paths_are_the_free_ones_of_all():
     paths = dense_clutter()
     images = Images(paths)
@@ -163,6 +164,7 @@ def test_three_paths_that_agree_are_a_false_alarm_in_dense_clutter_only():
     assert are_false_alarms([]).tolist() == []
 
 
+@pytest.mark.slow
 def test_more_partners_are_required_the_denser_the_clutter():
     def asked(count, partners=0):
         images = Images(together([clutter(count, 6)]))
@@ -215,6 +217,7 @@ def test_strays_on_the_line_of_a_well_supported_wall_do_not_extend_it():
     assert without_strays(few)[0] is few
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seen", "through", "stands"), [(30, 0, True), (30, 2, True), (300, 6, True), (300, 300, False)]
 )

@@ -49,6 +49,7 @@ def test_what_was_compiled_is_loaded_by_the_next_process(folder):
     assert hits(doubled()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
 @pytest.mark.parametrize(
     "damage", [lambda whole: b"", lambda whole: b"junk", lambda whole: whole[:100]], ids=["empty", "junk", "cut short"]
@@ -81,6 +82,7 @@ def test_an_error_of_the_kernel_itself_is_raised(folder):
         compile.jit(double)("no array")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("terminal", [True, False])
 def test_a_terminal_is_told_once_that_kernels_are_compiled(folder, monkeypatch, capsys, terminal):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)

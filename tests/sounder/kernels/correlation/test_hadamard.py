@@ -12,7 +12,11 @@ def compiled_walsh_hadamard(z):
     hadamard.walsh_hadamard(z)
 
 
-@pytest.mark.parametrize("transform", [hadamard.walsh_hadamard, compiled_walsh_hadamard], ids=["Python", "compiled"])
+@pytest.mark.parametrize(
+    "transform",
+    [hadamard.walsh_hadamard, pytest.param(compiled_walsh_hadamard, marks=pytest.mark.slow)],
+    ids=["Python", "compiled"],
+)
 @pytest.mark.parametrize("order", [7, 8, 9])  # they end with a pass of radix 2, 4 and 8
 def test_the_transform_is_the_sum_over_walsh_functions(transform, order):
     z = np.random.default_rng(order).integers(-9, 10, (2**order, hadamard.ROW)).astype(float)

@@ -13,6 +13,9 @@ PATTERN = Pattern.of(Antenna(gain=24.5, hpbw_azimuth=10.0, hpbw_elevation=9.0, s
 LOOKS = np.array([[a, e] for a in (-10.0, 0.0, 10.0) for e in (-9.0, 0.0, 9.0)])
 
 
+pytestmark = pytest.mark.slow  # a function is compiled anew
+
+
 @numba.njit
 def fit_angles(*arguments):
     return beam_fit.fit_angles(*arguments)
@@ -51,7 +54,6 @@ def seen(azimuth, elevation, looks=LOOKS):
     return 10 ** (PATTERN.beam_gain(azimuth, elevation, looks[:, 0], looks[:, 1]) / 20)
 
 
-@pytest.mark.slow
 def test_compiled_pattern_is_the_numpy_one(make_view):
     rng = np.random.default_rng(1)
     looks = np.column_stack([rng.uniform(0, 360, 200), rng.uniform(-30, 30, 200)])
@@ -63,7 +65,6 @@ def test_compiled_pattern_is_the_numpy_one(make_view):
         assert got == pytest.approx(10 ** (PATTERN.beam_gain(azimuth, elevation, *looks[beam]) / 20), rel=1e-9)
 
 
-@pytest.mark.slow
 def test_slopes_are_derivatives(make_view):
     rng = np.random.default_rng(2)
     looks = np.column_stack([rng.uniform(0, 360, 50), rng.uniform(-30, 30, 50)])
@@ -82,7 +83,6 @@ def test_slopes_are_derivatives(make_view):
             assert slopes[i] == pytest.approx((after - before) / (2 * step), abs=0.007)
 
 
-@pytest.mark.slow
 def test_magnitudes_without_noise_give_the_direction(fit):
     rng = np.random.default_rng(2)
     for _ in range(30):
@@ -93,7 +93,6 @@ def test_magnitudes_without_noise_give_the_direction(fit):
         assert cost < 1e-8 * a**2
 
 
-@pytest.mark.slow
 def test_fixed_angles_stay(fit):
     row = LOOKS[:, 1] == 0
     _, path = fit(seen(3.0, 0.0)[row], looks=LOOKS[row], free=(1.0, 0.0))

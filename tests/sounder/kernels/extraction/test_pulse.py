@@ -10,6 +10,9 @@ from sounder.kernels.extraction import pulse
 SIZE = 200
 
 
+pytestmark = pytest.mark.slow  # a function is compiled anew
+
+
 @numba.njit
 def sample(*arguments):
     return pulse.sample(*arguments)
@@ -35,7 +38,6 @@ def sampled(table, delay, reach):
     return sample(table, OVERSAMPLING, delay, taps), taps
 
 
-@pytest.mark.slow
 def test_taps_are_the_pulse_at_the_samples(hann):
     table = hann.table()
     first, taps = sampled(table, 50.0, hann.reach)
@@ -49,7 +51,6 @@ def test_taps_are_the_pulse_at_the_samples(hann):
         np.testing.assert_allclose(taps, hann.at(late), atol=(0.9 * np.pi / OVERSAMPLING) ** 2 / 8)
 
 
-@pytest.mark.slow
 def test_sums_go_round_the_circle():
     rng = np.random.default_rng(2)
     beams = rng.standard_normal((3, SIZE, 2)).astype(np.float32).view(np.complex64)[..., 0]

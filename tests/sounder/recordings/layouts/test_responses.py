@@ -78,6 +78,7 @@ def assert_paths(mpc):
     assert mpc["delay_std"].values.max() < 0.02e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [501, 800])
 def test_a_sweep_gives_the_paths(swept, points):
     mpc = swept(np.linspace(59e9, 61e9, points))
@@ -85,6 +86,7 @@ def test_a_sweep_gives_the_paths(swept, points):
     assert mpc.attrs["period"] == pytest.approx((points - 1) / 2e9)
 
 
+@pytest.mark.slow
 def test_descending_frequencies_are_the_same_sweep(swept):
     ascending = swept(np.linspace(59e9, 61e9, 401))
     frequency = np.linspace(61e9, 59e9, 401)
@@ -101,6 +103,7 @@ def test_a_thru_measurement_removes_the_cables(swept):
     assert_paths(swept(frequency, ripple, uncommented))
 
 
+@pytest.mark.slow
 def test_an_impulse_response_of_a_named_window_is_the_sweep_that_it_was_made_of(swept, tmp_path, description):
     frequency = np.linspace(59e9, 61e9, 401)
     expected = swept(frequency)
