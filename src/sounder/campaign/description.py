@@ -2,7 +2,7 @@
 
 import glob
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
@@ -189,13 +189,24 @@ class Campaign(Table):
         each = dict.fromkeys(path for group in groups for path in sorted(group.explained.files))
         return [path for path in (self.source, *each, self.map.outline) if path is not None]
 
-    def jobs(self, out: Path) -> tuple[list[Job], list[str]]:
+    def files(self, out: Path) -> list[dict[str, list[Path]]]:
+        """Recordings of each pattern, for each table of recordings; ``out`` as for `jobs`."""
+        inputs = {path.resolve() for path in self.inputs}
+        outputs = [(out / name).resolve() for name in (PRODUCTS, *(f"map.{one}" for one in get_args(MapFormat)))]
+        return [
+            {pattern: _matched(pattern, self.source.parent, inputs, outputs) for pattern in group.files}
+            for group in self.recordings
+        ]
+
+    def jobs(self, out: Path, only: Collection[Path] | None = None) -> tuple[list[Job], list[str]]:
         """Open all recordings.
 
         Parameters
         ----------
         out : Path
             Folder of the outputs, which patterns do not match.
+        only : collection of Path, optional
+            Recordings that are opened, of those of the campaign.
 
         Returns
         -------
@@ -206,15 +217,12 @@ class Campaign(Table):
         """
         jobs: list[Job] = []
         failures: list[str] = []
-        inputs = {path.resolve() for path in self.inputs}
-        outputs = [(out / name).resolve() for name in (PRODUCTS, *(f"map.{one}" for one in get_args(MapFormat)))]
-        for group in self.recordings:
+        for group, patterns in zip(self.recordings, self.files(out), strict=True):
             files: list[Path] = []
-            for pattern in group.files:
-                found = _matched(pattern, self.source.parent, inputs, outputs)
+            for pattern, found in patterns.items():
                 if not found:
                     failures.append(f"{self.source}: recordings.files: {pattern} matches no file")
-                files += found
+                files += [file for file in found if only is None or file in only]
             try:
                 opened, refused = gather(list(dict.fromkeys(files)), **vars(group.explained), skip=group.skip)
             except DataError as error:  # of this table of recordings alone

@@ -1,6 +1,6 @@
 """Run of a campaign: from its recordings to products, MPC table, map, figures and report."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -53,7 +53,13 @@ from sounder.processing.point_data import write_point_data
 from sounder.report.page import write_page
 
 
-def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None) -> CampaignResult:
+def run_campaign(
+    campaign: Campaign | Path | str,
+    out: Path | str | None = None,
+    *,
+    only: Collection[Path] | None = None,
+    processed: Callable[[list[Path]], None] = lambda products: None,
+) -> CampaignResult:
     r"""Make products, MPC table, map, figures and report of a campaign.
 
     Products and figures that exist and would be made the same again are kept. Table, map and report, which take
@@ -65,6 +71,10 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
         From :func:`sounder.load_campaign`, or its file.
     out : path, optional
         Folder for all files. Default: that of the campaign.
+    only : collection of Path, optional
+        Recordings that are used, of those of the campaign.
+    processed : callable, optional
+        Called with the products when they are complete, before the map is made.
 
     Raises
     ------
@@ -91,11 +101,17 @@ def run_campaign(campaign: Campaign | Path | str, out: Path | str | None = None)
     out = campaign.out if out is None else Path(out)
     outline = _check_outputs(campaign, out)
     with locked(out), console.drawing():
-        return _run(campaign, out, outline)
+        return _run(campaign, out, outline, only, processed)
 
 
-def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> CampaignResult:
-    jobs, failures = campaign.jobs(out)
+def _run(
+    campaign: Campaign,
+    out: Path,
+    outline: NDArray[Any] | None,
+    only: Collection[Path] | None,
+    processed: Callable[[list[Path]], None],
+) -> CampaignResult:
+    jobs, failures = campaign.jobs(out, only)
     outputs = _outputs(campaign, out)
     protect_inputs(outputs, {*campaign.inputs, *(job.recording.source for job in jobs)})
     remove_outdated(out / REPORT)
@@ -116,6 +132,7 @@ def _run(campaign: Campaign, out: Path, outline: NDArray[Any] | None) -> Campaig
     failures += outcome.failures
     if not outcome.products:
         raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
+    processed(outcome.products)
     table, problems = read_mpcs(outcome.products)
     write_mpcs(table, out / TABLE)
     parameters, statistics = _write_parameters(outcome.products, out)

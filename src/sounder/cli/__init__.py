@@ -3,6 +3,7 @@
 import math
 import sys
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -189,6 +190,11 @@ def run(
     scheduler: Annotated[
         str | None, typer.Option(help="Running dask scheduler. Default: processing.scheduler of the campaign.")
     ] = None,
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Process recordings as they appear, tell what each is worth, renew map and page."),
+    ] = False,
+    interval: Annotated[float, typer.Option(min=0.1, help="--watch: time between two looks at the files [s].")] = 5.0,
 ) -> None:
     """Make products, tables, map, figures and report of a campaign.
 
@@ -199,6 +205,11 @@ def run(
 
     chosen = {"workers": workers, "scheduler": scheduler}
     given = {name: value for name, value in chosen.items() if value is not None}
+    if watch:
+        from sounder.campaign.watch import watch_campaign
+
+        watch_campaign(campaign, out, processing=given, interval=interval, tell=partial(print, flush=True))
+        return
     result = run_campaign(load_campaign(campaign).processed_by(**given), out)
     for line in result.summary:
         print(line)

@@ -1,0 +1,98 @@
+"""Watching a campaign: whole recordings only, one line for each, stopped and started again at will."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sounder.campaign.watch import watch_campaign
+from sounder.twin.scene import load_scene
+from sounder.twin.simulate import simulate
+
+from ..cli.commands import SCENE, SOUNDER
+
+TEXT = """
+[recordings]
+files = ["raw/*.h5"]
+calibration = "back-to-back.h5"
+[map]
+min_support = 2
+[figures]
+positions = "none"
+"""
+
+
+class StoppedError(Exception):
+    """In place of Ctrl-C."""
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("simulated")
+    (folder / "sounder.toml").write_text(SOUNDER, encoding="utf-8")
+    (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
+    simulate(load_scene(folder / "scene.toml"), folder)
+    return folder
+
+
+def watched(folder: Path, *events: Callable[[], object]) -> list[list[str]]:
+    """Lines that are told after each event; the watch is stopped after the last."""
+    told: list[list[str]] = [[]]
+    coming = iter(events)
+
+    def wait(_: float) -> None:
+        event = next(coming, None)
+        if event is None:
+            raise StoppedError
+        told.append([])
+        event()
+
+    with pytest.raises(StoppedError):
+        watch_campaign(folder / "street.toml", wait=wait, tell=lambda line: told[-1].append(line))
+    return told
+
+
+def nothing() -> None:
+    """Only time passes."""
+
+
+@pytest.mark.slow
+def test_recordings_are_processed_when_they_are_whole_and_told_in_one_line(simulated, tmp_path):
+    raw, out = tmp_path / "raw", tmp_path / "street"
+    raw.mkdir()
+    (tmp_path / "street.toml").write_text(TEXT, encoding="utf-8")
+    first, second = (simulated / "raw" / name for name in ("RX1.h5", "RX2.h5"))
+    half = second.read_bytes()[: second.stat().st_size // 2]
+    told = watched(
+        tmp_path,
+        lambda: shutil.copy(first, raw),
+        nothing,  # whole, but there is no back-to-back
+        lambda: shutil.copy(simulated / "back-to-back.h5", tmp_path),
+        nothing,
+    )
+    assert told[0] == [f"{tmp_path / 'street.toml'}: watching; Ctrl-C ends it"]
+    assert told[1] == told[3] == []
+    assert not any("MPCs" in line for line in told[2])
+    worth, campaign, *_ = told[4]
+    assert worth.startswith("RX1: ")
+    assert "SNR" in worth
+    assert "against geometry" in worth
+    assert campaign.startswith("1 position; ")
+    made = (out / "products" / "RX1.h5").stat().st_mtime_ns
+
+    (raw / "RX2.h5").write_bytes(half)  # a copy that has stopped half-way: still, but not readable
+    told = watched(
+        tmp_path,
+        nothing,
+        lambda: shutil.copy(second, raw),  # the next look sees that it changes
+        nothing,
+        nothing,  # nothing has changed
+    )
+    assert [line for line in told[1] if "RX2.h5" in line]
+    assert not [line for line in told[1] if line.startswith("RX")]  # RX1 was kept
+    assert told[2] == told[4] == []
+    assert told[3][0].startswith("RX2: ")
+    assert told[3][1].startswith("2 positions; ")
+    assert '"RX2"' in (out / "report.html").read_text(encoding="utf-8")
+    assert (out / "products" / "RX1.h5").stat().st_mtime_ns == made
