@@ -196,14 +196,15 @@ def is_direct(table: "xr.Dataset") -> BoolArray:
     """Whether (mpc,) MPCs arrive with the delay and azimuth of the direct path.
 
     The flag of line of sight is not used. Where it says that there is none, these MPCs went through or around
-    something and do not locate a wall either. An MPC that certainly arrives from the other side of the horizon is none:
-    where receivers are surveyed badly, a ground reflection has the delay of a direct path.
+    something and do not locate a wall either. Where receivers are surveyed badly, a reflection off the ground or a
+    ceiling has the delay of a direct path; its elevation is not that of the transmitter.
     """
     tx, rx = table["tx_position"].values, table["rx_position"].values
     excess = table["delay"].values - np.linalg.norm(tx - rx, axis=-1) / c
     above = np.sign(tx[:, 2] - rx[:, 2]) * table["elevation"].values
     from_other_side = above < -SIGMAS * table["elevation_std"].values
-    return (np.abs(excess) < _delay_tolerance(table)) & _at_azimuth_of_transmitter(table) & ~from_other_side
+    at_elevation = fits_vertical_wall(table) & ~from_other_side
+    return (np.abs(excess) < _delay_tolerance(table)) & _at_azimuth_of_transmitter(table) & at_elevation
 
 
 def is_ground_reflection(table: "xr.Dataset", ground_height: float) -> BoolArray:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from erm.common.constants import c
-from erm.geometry.chains import NO_FACE
+from erm.common.odds import THOUSAND_TO_ONE
+from erm.geometry.chains import NO_FACE, chain_images
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
@@ -22,14 +23,14 @@ from erm.reconstruction.decision.chains import Chains, ChainSearch
 from erm.reconstruction.decision.decide import Decision
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import Lines
-from erm.reconstruction.model.odds import THOUSAND_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.false_alarm import log_odds_against_false_alarm
-from erm.survey.bundle import Bundle, adjust
+from erm.survey.bundle import Bundle, adjust, by_error
 from erm.survey.positions import PositionErrors
 from erm.survey.residuals import CLOCK, HEADING, Faces, MeasuredPaths
+from erm.survey.restart import Sources, restart
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,6 +51,7 @@ class Adjusted(NamedTuple):
     chains: IntArray
     """Rows of the table that were reflected off several walls."""
     positions: PositionErrors
+    """Started anew where that explains their paths better."""
 
 
 def bundle_walls(
@@ -71,7 +73,8 @@ def bundle_walls(
     """
     problem = _Problem(table, measured, positions)
     chains = np.empty(0, dtype=np.int64)
-    images = [_of_main_transmitter(wall) for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
+    no_image = (Reason.FALSE_ALARM, Reason.MEAN_ELEVATION)
+    images = [_of_main_transmitter(wall) for wall, why in decision.rejected if why not in no_image]
     certain = _are_certain([*decision.walls, *images])
     walls = list(compress(decision.walls, certain))
     images = list(compress(images, certain[len(decision.walls) :]))
@@ -81,6 +84,7 @@ def bundle_walls(
     free = ~np.isin(table["reason"].values, no_chain) & fits_vertical_wall(table)
     free[concatenate_rows(wall.paths.row for wall in decision.walls)] = False
     rest = measured.take(free)
+    others = images
     found = problem.adjust([*walls, *images], []) if positions.inexact else _as_fitted(walls, positions)
     for _ in range(MAX_ADJUSTMENTS if len(walls) > 1 and len(rest) else 0):
         lines, joint = _lines(walls, found)
@@ -107,6 +111,8 @@ def bundle_walls(
         line = lines.line(number) if is_certain else fit_line(moved.paths, wall.line)
         fitted.append(replace(moved, line=line))
         number += int(is_certain)
+    if positions.inexact:
+        updated = problem.restarted([*walls, *others], len(walls), found)
     return Adjusted(decision._replace(walls=fitted), chains, updated)
 
 
@@ -128,6 +134,8 @@ class _Problem:
         own = [np.sqrt(np.maximum(both**2 - part**2, 0.0)) for both, part in zip(every, survey, strict=True)]
         self.std = np.column_stack(own) / positions.scale
         self.direct = measured.take(_direct_paths(table))
+        neither = (Reason.GROUND_REFLECTION, Reason.CURVED_FACE)
+        self.usable = measured.take(fits_vertical_wall(table) & ~np.isin(table["reason"].values, neither))
 
     def adjust(self, walls: Sequence[Wall], sets: Sequence[Chains], start: Bundle | None = None) -> Bundle:
         """Adjust walls and positions to the paths of the walls, direct paths, and chains."""
@@ -140,25 +148,51 @@ class _Problem:
         for one in sets:
             faces[first : first + len(one.paths), : one.walls.shape[1]] = one.walls
             first += len(one.paths)
-        position = self.positions.number[paths.row]
-        errors = self.positions.errors[position]
         lines = Lines.from_list([wall.line for wall in walls])
         return adjust(
-            MeasuredPaths(
-                tx=paths.tx[:, :2],
-                rx=paths.rx[:, :2] - errors[:, :2],
-                height_difference=paths.tx[:, 2] - paths.rx[:, 2],
-                measured=np.column_stack([paths.length + errors[:, CLOCK], paths.azimuth + errors[:, HEADING]]),
-                std=self.std[paths.row],
-                position=position,
-                faces=faces,
-            ),
+            self._as_measured(paths, faces),
             Faces(lines.normal, lines.offset, lines.pivot),
             len(self.positions.first),
             self.positions.given,
             common=self.positions.common,
             errors_known=self.positions.errors_known,
             start=start,
+        )
+
+    def restarted(self, faces: Sequence[Wall], walls: int, found: Bundle) -> PositionErrors:
+        """Errors of positions, found anew from the adjusted faces, of which the first ones are walls."""
+        first = np.unique(self.usable.transmitter, return_index=True)
+        at = dict(zip(first[0].tolist(), self.usable.tx[first[1], :2], strict=True))
+        of = [(t, k) for t in at for k in range(len(faces)) if k < walls or faces[k].paths.transmitter[0] == t]
+        tx = np.array([at[t] for t, _ in of]).reshape(-1, 2)
+        face = np.array([k for _, k in of], dtype=np.int64)
+        places, slopes = chain_images(tx, face[:, None], *found.faces)
+        own = found.face_covariance[face, :, face]
+        spread = np.sqrt(np.einsum("sik,skl,sil->s", slopes[:, 0], own, slopes[:, 0]) / 2)
+        sources = Sources(
+            np.vstack([np.array(list(at.values())).reshape(-1, 2), places[-1]]),
+            np.r_[np.zeros(len(at)), spread],
+            np.array([*at, *(t for t, _ in of)], dtype=np.int64),
+        )
+        paths = self._as_measured(self.usable, np.empty((len(self.usable), 0), dtype=np.int64))
+        paths = replace(paths, std=paths.std * found.scale)
+        prior = np.r_[0.0, 0.0, found.common], by_error(found.std)
+        return self.positions.updated(found).restarted(
+            restart(paths, (self.usable.transmitter, self.usable.elevation_misfit), sources, prior, found.errors)
+        )
+
+    def _as_measured(self, paths: Paths, faces: IntArray) -> MeasuredPaths:
+        """Paths with the errors of positions that were removed from them, and the faces (path, bounce) they met."""
+        position = self.positions.number[paths.row]
+        errors = self.positions.errors[position]
+        return MeasuredPaths(
+            tx=paths.tx[:, :2],
+            rx=paths.rx[:, :2] - errors[:, :2],
+            height_difference=paths.tx[:, 2] - paths.rx[:, 2],
+            measured=np.column_stack([paths.length + errors[:, CLOCK], paths.azimuth + errors[:, HEADING]]),
+            std=self.std[paths.row],
+            position=position,
+            faces=faces,
         )
 
     def without_errors(self, paths: Paths, found: PositionErrors) -> Paths:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from erm.common.constants import c
+from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.elevation import gain_at_elevation, vertical_face_elevation
 from erm.mpcs.faces import FACE_COLUMNS, with_faces
@@ -18,7 +19,6 @@ from erm.mpcs.selection import MAX_GAIN_EXCESS, fits_vertical_wall, reflection_l
 from erm.reconstruction.decision.decide import MIN_WEAK_LOG_ODDS
 from erm.reconstruction.model.fit import fit_line, misfit
 from erm.reconstruction.model.line import Line, seed_line
-from erm.reconstruction.model.odds import THOUSAND_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall

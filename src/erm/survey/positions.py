@@ -4,8 +4,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import expit
 
 from erm.common.constants import c
+from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.antenna_pairs import distinct_rows
 from erm.mpcs.survey_widths import survey_widths
@@ -14,12 +16,12 @@ from erm.survey.bundle import Bundle, SurveyStd, adjust, by_error
 from erm.survey.calibration import FEWEST_DIRECT, LEAST_EVIDENCE
 from erm.survey.direct_paths import SPREADS, direct_paths_at
 from erm.survey.observations import Observations
-from erm.survey.residuals import CLOCK, HEADING, Faces, IntArray, MeasuredPaths
+from erm.survey.residuals import CLOCK, HEADING, IntArray, MeasuredPaths
+from erm.survey.restart import NO_FACES, Restarted
 
 if TYPE_CHECKING:
     import xarray as xr
 
-NO_FACES = Faces(np.empty(0), np.empty(0), np.empty((0, 2)))
 TOLERANCE = 0.1
 """Change of what a path should be, in its own standard errors, that changes no map. Chosen; not derived."""
 
@@ -79,6 +81,18 @@ class PositionErrors:
         """Errors that an adjustment of faces found."""
         errors, covariance, scale = found.errors, found.covariance, found.scale
         return replace(self, errors=errors, covariance=covariance, scale=scale, adjusted=True)
+
+    def restarted(self, found: Restarted) -> "PositionErrors":
+        """The errors of a new start where they are a thousand times more likely.
+
+        Where both are likely, the covariance covers both: the one that is not kept adds its probability times the
+        square of its difference.
+        """
+        new = found.log_odds > THOUSAND_TO_ONE
+        other = expit(np.where(new, -found.log_odds, found.log_odds))
+        covariance = np.where(new[:, None, None], found.covariance, self.covariance)
+        covariance = covariance + other[:, None, None] * found.apart[:, :, None] * found.apart[:, None, :]
+        return replace(self, errors=np.where(new[:, None], found.errors, self.errors), covariance=covariance)
 
     def corrected(self, table: "xr.Dataset") -> "xr.Dataset":
         """Remove the errors from a table, and tell by how much the rest widens the errors of its MPCs.

@@ -49,12 +49,12 @@ def test_a_ground_reflection_is_no_wall():
     assert above["reason"].item() != Reason.GROUND_REFLECTION
 
 
-def test_a_path_from_below_is_no_direct_path_of_a_badly_surveyed_receiver():
-    # 0.2 m behind its true place, a ground reflection arrives when the direct path should
-    rows = [(DIRECT + 0.2, TOWARD_TX, 0), (DIRECT + 0.2, TOWARD_TX, 3)]
-    reason = select(table(rows, elevation=np.array([18.0, -20.0]), elevation_std=1.0))["reason"].values
+def test_a_path_off_ground_or_ceiling_is_no_direct_path_of_a_badly_surveyed_receiver():
+    # 0.2 m behind its true place, it arrives when the direct path should; the transmitter is 18 degrees up
+    rows = [(DIRECT + 0.2, TOWARD_TX, 0), (DIRECT + 0.2, TOWARD_TX, 3), (DIRECT + 0.2, TOWARD_TX, 3)]
+    reason = select(table(rows, elevation=np.array([18.0, -20.0, 28.0]), elevation_std=1.0))["reason"].values
     assert reason[0] == Reason.DIRECT_PATH
-    assert reason[1] != Reason.DIRECT_PATH
+    assert (reason[1:] == Reason.ELEVATION).all()
 
 
 def test_elevation_of_a_wall_is_that_of_the_unfolded_line():

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.cylinders import bounce
 from erm.geometry.vertical import (
     FloatArray,
@@ -26,7 +27,6 @@ from erm.reconstruction.curved.elements import LOSS_RANGE, TYPICAL_LOSS, log_odd
 from erm.reconstruction.curved.search import MIN_PATHS, CurvedFace, CylinderSearch, log_prior, path_log_odds
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.line import Line, mirror_images
-from erm.reconstruction.model.odds import TWENTY_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 
 MAX_STEPS = 12

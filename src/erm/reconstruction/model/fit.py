@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.reconstruction.model.line import Frame, Line, Lines
-from erm.reconstruction.model.odds import THOUSAND_TO_ONE
 from erm.reconstruction.model.paths import IntArray, PathColumns, Paths
 from erm.reconstruction.model.ragged import Ragged, list_sums
 

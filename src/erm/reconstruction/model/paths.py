@@ -12,6 +12,8 @@ from erm.common.constants import c
 from erm.geometry.vertical import FloatArray, virtual_anchor
 from erm.mpcs.antenna_pairs import distinct_rows
 from erm.mpcs.faces import elevation_excess
+from erm.mpcs.selection import ELEVATION_TOLERANCE
+from erm.mpcs.standard_errors import SIGMAS
 from erm.mpcs.table import path_length
 
 if TYPE_CHECKING:
@@ -134,6 +136,15 @@ class Paths:
     def with_errors(self, length_std: FloatArray, azimuth_std: FloatArray) -> "Paths":
         """Return the same paths with other standard errors."""
         return replace(self, length_std=length_std, azimuth_std=azimuth_std)
+
+    @cached_property
+    def elevation_misfit(self) -> FloatArray:
+        """Squared deviation (path,) of the elevation from that of a path off vertical walls; 0 where it is unknown.
+
+        `ELEVATION_TOLERANCE` counts as `SIGMAS` standard errors of a scan.
+        """
+        std = np.hypot(self.elevation_std, ELEVATION_TOLERANCE / SIGMAS)
+        return np.nan_to_num((self.elevation_excess / std) ** 2)
 
     def virtual_anchors(self) -> FloatArray:
         """Mirror image (path, 2) of the transmitter that each path points to [m]."""

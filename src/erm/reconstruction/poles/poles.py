@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray, reflection_point
 from erm.geometry.vertical_covariance import point_covariance
 from erm.reconstruction.decision.conflicts import MAX_EXTENSION
@@ -19,7 +20,6 @@ from erm.reconstruction.model.extent import Legs, solid_footprint
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.grid import Grid
 from erm.reconstruction.model.line import Lines
-from erm.reconstruction.model.odds import TWENTY_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import Ragged
 from erm.reconstruction.model.wall import Wall

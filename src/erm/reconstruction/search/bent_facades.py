@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE, EXACT_LINE, chi_squared, fit_line, fit_lines, residuals
 from erm.reconstruction.model.line import Line, Lines, mirror_images
 from erm.reconstruction.model.loss import is_diffuse
-from erm.reconstruction.model.odds import TWENTY_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import Ragged, list_sums
 from erm.reconstruction.model.wall import cos_incidence

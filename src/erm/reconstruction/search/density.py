@@ -8,9 +8,9 @@ thousand. Here such seeds are left out beforehand.
 import numpy as np
 from scipy.special import gammainc
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
-from erm.reconstruction.model.odds import TWENTY_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray
 from erm.reconstruction.search.false_alarm import JEFFREYS_COUNT
 from erm.reconstruction.search.images import SEARCH_RADIUS, Images

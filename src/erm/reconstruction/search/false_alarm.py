@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import gammainc
 
+from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE, misfits
 from erm.reconstruction.model.line import Lines
-from erm.reconstruction.model.odds import THOUSAND_TO_ONE
 from erm.reconstruction.model.paths import BoolArray, IntArray
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.images import BATCH_LINES, Images

@@ -92,7 +92,7 @@ def collect_inliers(images: Images, lines: Lines, free: BoolArray) -> tuple[Ragg
     inliers : Ragged
         Ascending.
     chi_squared : array (row,)
-        Of each inlier, with the penalty of its loss left out.
+        Of each inlier, with the penalties of its loss and elevation left out.
     """
     batches = [
         _collect_inliers(images, lines.take(slice(first, first + BATCH_LINES)), free)
@@ -113,7 +113,8 @@ def _collect_inliers(images: Images, lines: Lines, free: BoolArray) -> tuple[Rag
     chi2 = misfits(paths.columns, rows, lines, of)
     inside = np.flatnonzero(chi2 < CHI_SQUARED_GATE)
     of, rows, chi2 = of[inside], rows[inside], chi2[inside]
-    best = best_of_each_link(of, paths.link[rows], rows, chi2 + CHI_SQUARED_PER_DECIBEL * paths.loss[rows])
+    cost = chi2 + CHI_SQUARED_PER_DECIBEL * paths.loss[rows] + paths.elevation_misfit[rows]
+    best = best_of_each_link(of, paths.link[rows], rows, cost)
     return Ragged.from_pairs(of[best], rows[best], len(lines.normal)), chi2[best]
 
 
