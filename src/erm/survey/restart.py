@@ -155,8 +155,8 @@ class _Problem:
             for j in range(BLOCK):
                 product = share * np.einsum("pk,pk->p", slopes[:, :, i], slopes[:, :, j])
                 matrix[:, i, j] += np.bincount(of, product, minlength=self.positions)
-        covariance = np.linalg.inv(matrix)
-        likelihood = np.bincount(self.position, np.log(total / 2), minlength=self.positions)
+        covariance = np.asarray(np.linalg.inv(matrix), dtype=float)
+        likelihood = np.bincount(self.position, np.log(total / 2), minlength=self.positions).astype(float)
         return covariance, np.einsum("pij,pj->pi", covariance, gradient), likelihood
 
 
