@@ -3,6 +3,7 @@
 import typer
 
 from erm.cli.evaluate import evaluate
+from erm.cli.examples import EXAMPLES
 from erm.cli.export import export
 from erm.cli.letter import letter
 from erm.cli.predict import predict
@@ -10,15 +11,14 @@ from erm.cli.reconstruct import reconstruct
 from erm.common import console
 
 app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # markup would swallow units in brackets
     help="Reconstruct the environment from multipath components (MPCs), evaluate it, and predict from it.",
 )
-console.add_options(app)
 for command in (reconstruct, predict, letter, evaluate, export):
     app.command()(command)
+console.add_options(app, EXAMPLES)
 
 
 def main() -> None:

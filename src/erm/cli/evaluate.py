@@ -1,6 +1,5 @@
 """The command ``erm evaluate``: a map against a known outline, or predictions against measurements."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,6 +8,7 @@ import typer
 
 from erm.cli.arguments import FIGURES, MapFile, three_digits
 from erm.common import console
+from erm.common.messages import write_json
 from erm.common.outputs import protect_inputs, require_suffix
 
 LEFT_OUT = {
@@ -84,7 +84,7 @@ def _by_prediction(mpcs: list[Path], as_json: bool) -> list[str]:
     table, problems = read_mpcs(mpcs)
     result = score(leave_one_out(table))
     if as_json:
-        print(json.dumps(rounded(result, digits=14), indent=2))
+        write_json(rounded(result, digits=14))
     else:
         console.show(["leave one out", "result"], ([LEFT_OUT[name], f"{value:.3g}"] for name, value in result.items()))
     return problems
@@ -107,7 +107,7 @@ def _by_outline(found: Any, faces: Any, mpcs: list[Path], figure: Path | None, a
             axes = plot_map(found, table=reconstructed and reconstructed[1], outline=faces, annotated=True)
             console.save_figure(axes, figure)
     if as_json:
-        print(json.dumps(rounded(result), indent=2))
+        write_json(rounded(result))
     else:
         _print(result, len(faces))
     return problems

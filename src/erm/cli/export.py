@@ -1,6 +1,5 @@
 """The command ``erm export``: a map in another format, and its place on earth."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from erm.cli.arguments import MapFile
 from erm.common.errors import DataError, OptionError
+from erm.common.messages import note
 from erm.common.outputs import protect_inputs
 from erm.maps.formats import DRAWING_FREQUENCY, DRAWING_HEIGHT, DRAWING_MARGIN
 
@@ -76,6 +76,6 @@ def export(
     mpcs, positions = read_measured(environment)
     write_map(place, out, mpcs=mpcs, positions=positions, height=height, margin=margin, frequency=frequency, crs=crs)
     if crs and place.georeference and (remark := remark_on_system(crs, place.georeference)):
-        print(f"note: {remark}", file=sys.stderr)
+        note(f"note: {remark}")
     meshes = f"; meshes: {out.stem}-*.ply" if out.suffix.lower() == ".xml" else ""
     print(f"{out}: {counted_reflectors(place.reflectors['kind'].values.tolist())}{meshes}")

@@ -1,7 +1,6 @@
 """The command ``erm predict``: the MPCs between two places, from a map."""
 
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +9,7 @@ import typer
 from erm.cli.arguments import MapFile, hundredths
 from erm.common import console
 from erm.common.errors import OptionError
+from erm.common.messages import note
 from erm.common.outputs import protect_inputs, require_suffix
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def predict(
         erm.write_mpcs(mpcs, out)
     _print(mpcs)
     if not mpcs.sizes["mpc"]:
-        print(f"no path with at most {console.counted(max_order, 'reflection')} from TX to RX", file=sys.stderr)
+        note(f"no path with at most {console.counted(max_order, 'reflection')} from TX to RX")
 
 
 def _print(mpcs: "xr.Dataset") -> None:

@@ -1,6 +1,5 @@
 """The command ``erm reconstruct``: MPCs to a map."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from erm.cli.arguments import FIGURES, hundredths
 from erm.common import console
+from erm.common.messages import note
 from erm.common.outputs import protect_inputs, require_suffix
 from erm.mpcs.options import Threshold
 
@@ -127,7 +127,7 @@ def reconstruct(
     _print_summary(environment, located, out, min_support)
     print(environment.reflectors.attrs["calibration"])
     for warning in warnings(environment):
-        print(warning, file=sys.stderr)
+        note(warning)
     console.report_failures(problems)
 
 

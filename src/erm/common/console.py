@@ -4,7 +4,8 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 from erm.common.errors import DataError, OptionError, internal_error, with_traceback
 from erm.common.gate import limits
 from erm.common.launch import INTERRUPTED
+from erm.common.messages import Loudness, detail, failure, loudness
 from erm.common.printable import printable
 from erm.common.storage import SOFTWARE, atomic_path
 from erm.common.usage import usage_message
@@ -62,10 +64,10 @@ def _run(app: "typer.Typer") -> int:
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else DATA_FAILED
     except DataError as error:
-        print(error, file=sys.stderr)
+        failure(str(error))
         return WRONG_USAGE if isinstance(error, OptionError) else DATA_FAILED
     except usage_error as error:
-        print(usage_message(error), file=sys.stderr)
+        failure(usage_message(error))
         return WRONG_USAGE
     except OSError:
         raise
@@ -123,9 +125,16 @@ def _raise_lost_interrupt() -> None:
         raise KeyboardInterrupt
 
 
-def add_options(app: "typer.Typer") -> None:
-    """Add the options before the command to a command line: ``--version`` and the limits of files."""
+def add_options(app: "typer.Typer", examples: Mapping[str, Sequence[str]]) -> None:
+    """Add to a command line what comes before the command: version, limits of files, how much it says.
+
+    ``examples`` are lines that ``--help`` of each command shows.
+    """
     import typer
+
+    for command in app.registered_commands:
+        name = str(command.name or getattr(command.callback, "__name__", ""))
+        command.epilog = "\n".join(["\b", "Examples:", *(f"  {line}" for line in examples[name])])
 
     defaults = limits.current()
 
@@ -136,6 +145,7 @@ def add_options(app: "typer.Typer") -> None:
 
     @app.callback(help=app.info.help)
     def options(
+        context: typer.Context,
         version: bool = typer.Option(
             False, "--version", callback=print_version, is_eager=True, help="Print the version."
         ),
@@ -146,8 +156,14 @@ def add_options(app: "typer.Typer") -> None:
             False, "--virtual", help="Read virtual HDF5 datasets, whose data are in other files of the folder."
         ),
         traceback: bool = typer.Option(False, "--traceback", help="Show where an internal error arose."),
+        quiet: bool = typer.Option(False, "--quiet", "-q", help="Print failures and --json only."),
+        verbose: bool = typer.Option(False, "--verbose", "-v", help="Also print how long each step took."),
     ) -> None:
         del version
+        if quiet and verbose:
+            raise typer.BadParameter("give either --quiet or --verbose")
+        level = Loudness.QUIET if quiet else Loudness.VERBOSE if verbose else Loudness.USUAL
+        context.with_resource(loudness(level))
         if traceback:
             with_traceback.set()
         limits.allow(limits.Limits(int(max_memory * limits.GIB), virtual))
@@ -176,8 +192,8 @@ def counted(number: int, thing: str) -> str:
 
 def report_failures(failures: Sequence[str], *, internal: bool = False) -> None:
     """Print one line for each failure on stderr, and exit with code 1 if there are any; 70 if one is ``internal``."""
-    for failure in failures:
-        print(failure, file=sys.stderr)
+    for line in failures:
+        failure(line)
     if failures:
         raise SystemExit(INTERNAL if internal else DATA_FAILED)
 
@@ -223,9 +239,24 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
 @contextmanager
 def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
     """Yield a function that advances a progress bar by one. The bar is shown on a terminal only."""
-    if not sys.stderr.isatty():
-        yield _raise_lost_interrupt
-        return
+    with _timed(f"{label}: {total}"):
+        if sys.stderr.isatty():
+            with _bar(label, total) as advance:
+                yield advance
+        else:
+            yield _raise_lost_interrupt
+
+
+@contextmanager
+def _timed(label: str) -> Iterator[None]:
+    """Say with ``--verbose`` how long a block took."""
+    start = time.perf_counter()
+    yield
+    detail(f"{label} in {time.perf_counter() - start:.1f} s")
+
+
+@contextmanager
+def _bar(label: str, total: int) -> Iterator[Callable[[], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -10,21 +10,21 @@ from typing import Annotated, Any
 import typer
 
 from erm.common import console
+from erm.common.messages import note, write_json
 from erm.common.outputs import protect_inputs, require_folder
 from sounder.cli.check import check
+from sounder.cli.examples import EXAMPLES
 from sounder.cli.parameters import parameters
 from sounder.cli.report import report
 from sounder.cli.verify import verify
 from sounder.options import Averaging, FigureFormat, Method, Omnidirectional, Options
 
 app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # markup would swallow units in brackets
     help="Process raw captures of a radio channel sounder.",
 )
-console.add_options(app)
 
 Layout = Annotated[Path | None, typer.Option(help="Layout (TOML) of a foreign HDF5 or MATLAB file.")]
 Description = Annotated[
@@ -288,28 +288,25 @@ app.command()(check)
 app.command()(parameters)
 app.command()(report)
 app.command()(verify)
+console.add_options(app, EXAMPLES)
 
 
 def _print_info(tables: Sequence[tuple[Sequence[str], Iterable[Sequence[object]]]], remarks: list[Any]) -> None:
     """Print what `sounder info` shows as JSON: labels and texts of each table, and the remarks one by one."""
-    import json
-
     contents: list[dict[str, Any]] = []
     for _, rows in tables:
         texts: dict[str, Any] = {}
         for label, text in rows:
             texts.setdefault(str(label), []).append(text)
         contents.append({label: each[0] if len(each) == 1 else each for label, each in texts.items()})
-    print(json.dumps({"contents": contents, "remarks": remarks}, indent=2))
+    write_json({"contents": contents, "remarks": remarks})
 
 
 def _print_score(summary: dict[str, Any], as_json: bool) -> None:
-    import json
-
     from erm.evaluation.outline import rounded
 
     if as_json:
-        print(json.dumps(rounded(summary, digits=15), indent=2))
+        write_json(rounded(summary, digits=15))
         return
     print(f"{summary['found']} of {summary['paths']} paths found; {summary['false']} of {summary['mpcs']} MPCs false")
     names = ("count", "rmse", "bias", "median_absolute", "within_1_std", "within_2_std")
@@ -321,8 +318,8 @@ def _print_score(summary: dict[str, Any], as_json: bool) -> None:
 
 def _report(notes: list[str], failures: list[str], *, internal: bool = False) -> None:
     """Print notes and failures on stderr, and exit with 1 or 70 if anything failed."""
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+    for line in notes:
+        note(f"note: {line}")
     console.report_failures(failures, internal=internal)
 
 

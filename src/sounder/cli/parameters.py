@@ -1,12 +1,13 @@
 """``sounder parameters``: channel parameters of products and MPC tables."""
 
-import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from erm.common import console
+from erm.common.messages import note, write_json
 from erm.common.outputs import protect_inputs, require_suffix
 from sounder.options import Clustering, Source
 
@@ -29,6 +30,7 @@ def parameters(
         Source, typer.Option("--from", help="Compute from MPCs, or from the omnidirectional PDP of products.")
     ] = "mpcs",
     clusters: Annotated[Clustering, typer.Option(help="How MPCs are grouped into clusters.")] = "none",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the statistics as JSON.")] = False,
 ) -> None:
     """Compute path loss, spreads, K-factor and clusters.
 
@@ -39,6 +41,7 @@ def parameters(
     require_suffix(point_data, ".csv")
     require_suffix(mpcs, ".csv")
     protect_inputs((out, statistics, point_data, mpcs), products)
+    from erm.evaluation.outline import rounded
     from erm.mpcs.files import read_mpcs, write_mpcs
     from sounder.parameters.statistics import campaign_statistics
     from sounder.processing import parameter_tables
@@ -55,9 +58,12 @@ def parameters(
         write_point_data(table, point_data, products=products, threshold=threshold)
     if mpcs:
         write_mpcs(read_mpcs(products)[0], mpcs)
-    console.show(*parameter_tables.summarise(summary))
-    for definition in dict.fromkeys(table["definition"].values.tolist()):
-        print(definition)
-    for note in notes_on_parameters(table):
-        print(f"note: {note}", file=sys.stderr)
+    if as_json:
+        write_json([rounded(asdict(one), digits=15) for one in summary])
+    else:
+        console.show(*parameter_tables.summarise(summary))
+        for definition in dict.fromkeys(table["definition"].values.tolist()):
+            print(definition)
+    for line in notes_on_parameters(table):
+        note(f"note: {line}")
     console.report_failures(problems)

@@ -1,6 +1,5 @@
 """``sounder verify``: the sounder against known artefacts."""
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +7,7 @@ from typing import Annotated
 import typer
 
 from erm.common import console
+from erm.common.messages import write_json
 from erm.common.outputs import protect_inputs, require_suffix
 
 
@@ -50,7 +50,7 @@ def verify(
             }
             for one in verified.figures
         ]
-        print(json.dumps(plain, indent=2))
+        write_json(plain)
     else:
         console.show(HEADER, rows(verified.figures))
     if out is not None:
