@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from erm.common.odds import THOUSAND_TO_ONE, TWENTY_TO_ONE
+from erm.common.odds import THOUSAND_TO_ONE
 from erm.reconstruction.curved.elements import log_odds_of_loss
-from erm.reconstruction.curved.search import MIN_PATHS, CurvedFace, CylinderSearch, path_log_odds
+from erm.reconstruction.curved.search import CurvedFace, CylinderSearch, path_log_odds
 from erm.reconstruction.model.fit import EXACT_LINE, chi_squared, fit_line, residuals
 from erm.reconstruction.model.paths import IntArray, Paths
 from erm.reconstruction.search.greedy import Group
@@ -64,10 +64,16 @@ def curved_faces(
         lost = [_loss(face, search, owner, paths, left, odds, volume, min_support) for face in candidates]
         gains = [face.evidence - without for face, without in zip(candidates, lost, strict=True)]
         best = int(np.argmax(gains))
-        face = candidates.pop(best)
         # one search from each path: as many chances of a false alarm
         if gains[best] < THOUSAND_TO_ONE + np.log(len(pool)):
             break
+        face = candidates.pop(best)
+        if taken[face.inliers].any():  # without the paths that others have it is less likely
+            again = search.refine(
+                np.array([*face.fit.centre, face.fit.radius]), face.fit.covariance, np.flatnonzero(~taken)
+            )
+            candidates += [] if again is None else [again]
+            continue
         accepted.append(face)
         taken[face.inliers] = True
         rows = pool.row[face.inliers]
@@ -76,7 +82,6 @@ def curved_faces(
             left[number], odds[number] = left[number][kept], odds[number][kept]
             changed.add(number)
         owner[rows] = -1
-        candidates = [again for one in candidates if (again := _without(one, taken, search)) is not None]
     result = []
     for number, group in enumerate(groups):
         if number not in changed:
@@ -110,17 +115,6 @@ def _loss(
         after = float(odds[number][kept].sum()) + volume[number] if np.count_nonzero(kept) >= min_support else 0.0
         lost += before - max(after, 0.0)
     return lost
-
-
-def _without(face: CurvedFace, taken: np.ndarray, search: CylinderSearch) -> CurvedFace | None:
-    """Cylinder without the paths that others have; None where too few are left."""
-    if not taken[face.inliers].any():
-        return face
-    if np.count_nonzero(~taken[face.inliers]) < MIN_PATHS:
-        return None
-    fit = face.fit
-    again = search.refine(np.array([*fit.centre, fit.radius]), fit.covariance, np.flatnonzero(~taken))
-    return again if again is not None and again.evidence > TWENTY_TO_ONE else None
 
 
 def _plane_log_odds(paths: Paths, group: Group, search: CylinderSearch) -> np.ndarray:

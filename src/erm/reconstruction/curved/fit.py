@@ -7,7 +7,7 @@ import numpy as np
 from erm.geometry.cylinders import Bounce, bounce, spreading_factor
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.reconstruction.model.fit import HUBER_THRESHOLD
-from erm.reconstruction.model.paths import Paths
+from erm.reconstruction.model.paths import IntArray, Paths
 
 MAX_STEPS = 20
 """Gauss-Newton steps at most; five are usual. Chosen; not derived."""
@@ -27,52 +27,62 @@ class CylinderFit(NamedTuple):
     excess_loss: FloatArray  # (path,) dB, by divergence
 
 
-def fit_cylinder(paths: Paths, normal: FloatArray, centre: FloatArray, radius: float) -> CylinderFit | None:
-    """Most likely cylinder of paths near a start; None where they do not determine one.
+def fit_cylinders(paths: Paths, normal: FloatArray, of: IntArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Most likely cylinders of sets of paths near starts.
 
     Parameters
     ----------
     paths : Paths
     normal : array (path,)
         Azimuths of the measured normals [degree], from which the reflection points are searched.
-    centre : array (2,)
-        [m].
-    radius : float
-        [m].
+    of : array (path,) of int
+        Number of the cylinder of each path, ascending; each has one.
+    start : array (cylinder, 3)
+        East and north of the centre, and signed radius [m].
+
+    Returns
+    -------
+    parameters : array (cylinder, 3)
+        NaN where the paths determine none.
+    covariance : array (cylinder, 3, 3)
     """
-    parameters = np.array([*centre, radius])
-    covariance: FloatArray = np.eye(3)
-    near = normal
-    for _ in range(MAX_STEPS):
-        found, residual = _compare(paths, near, parameters)
+    fitted, covariance = np.full(start.shape, np.nan), np.broadcast_to(np.eye(3), (len(start), 3, 3)).copy()
+    near, parameters, number = normal, start, np.arange(len(start))
+    for taken in range(MAX_STEPS):
+        found, residual = _compare(paths, near, parameters[of])
         usable = np.isfinite(residual[:, 0])
         near = np.where(usable, found.normal, normal)
-        if np.count_nonzero(usable) < 2:
-            return None
         slopes = np.stack([found.length_slopes, found.azimuth_slopes], axis=1) / _std(paths)[:, :, None]
         weight = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(residual), HUBER_THRESHOLD))
-        slopes, residual, weight = slopes[usable].reshape(-1, 3), residual[usable].ravel(), weight[usable].ravel()
-        normal_matrix = (slopes * weight[:, None]).T @ slopes
-        try:
-            covariance = np.asarray(np.linalg.inv(normal_matrix), dtype=float)
-        except np.linalg.LinAlgError:
-            return None
-        step = covariance @ (slopes.T @ (weight * residual))
+        slopes, residual, weight = (
+            np.where(usable.reshape(-1, *[1] * (x.ndim - 1)), x, 0.0) for x in (slopes, residual, weight)
+        )
+        pulled = (slopes * weight[:, :, None]).swapaxes(-1, -2)
+        starts = np.searchsorted(of, np.arange(len(number)))
+        matrix = np.add.reduceat(pulled @ slopes, starts)
+        inverse = np.linalg.pinv(matrix, hermitian=True)
+        step = (inverse @ np.add.reduceat(pulled @ residual[:, :, None], starts))[:, :, 0]
         # a radius does not change its sign through 0, nor by more than half at once
-        share = min(1.0, abs(parameters[2]) / 2 / max(abs(step[2]), 1e-12))
-        parameters = parameters + share * step
-        if share == 1 and step @ normal_matrix @ step < STEP_TOLERANCE**2:
+        share = np.minimum(1.0, np.abs(parameters[:, 2]) / 2 / np.maximum(np.abs(step[:, 2]), 1e-12))
+        parameters = parameters + share[:, None] * step
+        done = (share == 1) & (np.einsum("ni,nij,nj->n", step, matrix, step) < STEP_TOLERANCE**2)
+        done |= (taken + 1 == MAX_STEPS) | ~(np.linalg.det(inverse) > 0)
+        fitted[number[done]], covariance[number[done]] = parameters[done], inverse[done]
+        left = ~done
+        if not left.any():
             break
-    if not np.isfinite(parameters).all() or np.linalg.det(covariance) <= 0:
-        return None
-    return compared(paths, normal, parameters[:2], float(parameters[2]), covariance)
+        parameters, number, rows = parameters[left], number[left], left[of]
+        paths, normal, near = paths.take(rows), normal[rows], near[rows]
+        of = (np.cumsum(left) - 1)[of[rows]]
+    fitted[~(np.linalg.det(covariance) > 0)] = np.nan
+    return fitted, covariance
 
 
 def compared(
     paths: Paths, normal: FloatArray, centre: FloatArray, radius: float, covariance: FloatArray
 ) -> CylinderFit:
     """Paths against a cylinder."""
-    found, residual = _compare(paths, normal, np.array([*centre, radius]))
+    found, residual = _compare(paths, normal, np.tile([*centre, radius], (len(paths), 1)))
     chi2 = np.where(np.isfinite(residual[:, 0]), np.sum(residual**2, axis=-1), np.inf)
     s1 = np.linalg.norm(found.point - paths.tx[:, :2], axis=-1)
     height = paths.tx[:, 2] + (paths.rx[:, 2] - paths.tx[:, 2]) * s1 / found.length
@@ -91,8 +101,8 @@ def compared(
 
 
 def _compare(paths: Paths, normal: FloatArray, parameters: FloatArray) -> tuple[Bounce, FloatArray]:
-    """Reflections off a cylinder, and measured minus predicted length and azimuth (path, 2) in standard errors."""
-    found = bounce(paths.tx, paths.rx, parameters[:2], np.full(len(paths), parameters[2]), normal)
+    """Reflections off cylinders (path, 3), and measured minus predicted length and azimuth (path, 2) in errors."""
+    found = bounce(paths.tx, paths.rx, parameters[:, :2], parameters[:, 2], normal)
     slant = np.hypot(found.length, paths.tx[:, 2] - paths.rx[:, 2])
     residual = np.stack([paths.length - slant, angle_difference(paths.azimuth, found.azimuth)], axis=-1)
     flat = (found.length / slant)[:, None]

@@ -1,6 +1,8 @@
 """Search for cylinders: pairs of surface elements that turn toward each other, and the paths that agree with them."""
 
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from itertools import compress
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -8,10 +10,11 @@ from scipy.spatial import cKDTree
 from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.standard_errors import SIGMAS
-from erm.reconstruction.curved.elements import Elements, elements_of, log_odds_of_loss, normals_azimuth
-from erm.reconstruction.curved.fit import CylinderFit, compared, fit_cylinder
+from erm.reconstruction.curved.elements import ROUNDING, Elements, elements_of, log_odds_of_loss, normals_azimuth
+from erm.reconstruction.curved.fit import CylinderFit, compared, fit_cylinders
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.model.ragged import Ragged
 from erm.reconstruction.poles.evidence import ClutterDensity, log_probability_of_view
 from erm.reconstruction.search.refine_groups import best_of_each_link
 
@@ -26,10 +29,14 @@ MAX_SEEDS = 600
 """Paths from which cylinders are searched, evenly drawn. Chosen: bounds the time in large campaigns."""
 NEIGHBOURS = 160
 """Paths near a seed that are its partners and that score it. Chosen: bounds time."""
-PAIRS = 4
-"""Partners of a seed that are tried, those that determine the radius best. Chosen."""
+BATCH = 64
+"""Seeds or cylinders worked on at once: a few MiB. Chosen; not derived."""
 MAX_REFINEMENTS = 6
 """Repetitions of collecting and fitting the paths of a cylinder. Chosen; not derived."""
+
+
+Fit = Callable[[Ragged, FloatArray], tuple[FloatArray, FloatArray]]
+"""Parameters and covariances of cylinders from their inliers and starts."""
 
 
 class CurvedFace(NamedTuple):
@@ -73,82 +80,123 @@ class CylinderSearch:
     def run(self) -> list[CurvedFace]:
         """Cylinders that are likelier than clutter; their paths may overlap."""
         count = len(self.paths)
-        possible = np.flatnonzero(self._background)
-        if count < MIN_PATHS or not len(possible):
+        if count < MIN_PATHS:
             return []
-        seeds = possible[np.unique(np.linspace(0, len(possible) - 1, min(len(possible), MAX_SEEDS)).astype(np.int64))]
-        score, parameters, covariance = self._scores(seeds)
-        found: list[CurvedFace] = []
-        taken = np.zeros(count, dtype=bool)
-        for at in np.argsort(-score, kind="stable").tolist():
-            if score[at] < TWENTY_TO_ONE:
-                break
-            if taken[seeds[at]]:
-                continue
-            taken[seeds[at]] = True
-            face = self.refine(parameters[at], covariance[at])
-            if face is not None and face.evidence > TWENTY_TO_ONE:
-                taken[face.inliers] = True
-                found.append(face)
-        return found
-
-    def _scores(self, seeds: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Best score (seed,) of the pairs of each seed, their parameters (seed, 3) and covariances (seed, 3, 3)."""
-        score = np.full(len(seeds), -np.inf)
-        parameters, covariance = np.zeros((len(seeds), 3)), np.zeros((len(seeds), 3, 3))
-        _, near = self.tree.query(self.elements.point[seeds], min(NEIGHBOURS, len(self.paths)))
-        for at, (seed, rows) in enumerate(zip(seeds.tolist(), np.asarray(near), strict=True)):
-            own = self.elements.take(rows)
-            other = np.flatnonzero(own.link != self.paths.link[seed])
-            start, error = pair_cylinders(self.elements.take(np.full(len(other), seed)), own.take(other))
-            good = np.flatnonzero(np.isfinite(error[:, 2, 2]))
-            best = good[np.argsort(error[good, 2, 2] / start[good, 2] ** 2, kind="stable")[:PAIRS]]
-            for one in best.tolist():
-                odds = np.maximum(predictive_log_odds(own, start[one], error[one]), 0.0)
-                order = np.lexsort((-odds, own.link))
-                first = order[np.r_[True, np.diff(own.link[order]) != 0]]
-                value = float(odds[first].sum()) + log_prior(start[one, 2])
-                if value > score[at]:
-                    score[at], parameters[at], covariance[at] = value, start[one], error[one]
-        return score, parameters, covariance
+        seeds = np.unique(np.linspace(0, count - 1, min(count, MAX_SEEDS)).astype(np.int64))
+        return self._faces(*self._settled(*self._best_pairs(seeds), self._fit_elements))
 
     def refine(self, parameters: FloatArray, covariance: FloatArray, free: IntArray | None = None) -> CurvedFace | None:
         """Let a cylinder collect the paths that agree with it, and fit it to these, until they no longer change."""
-        rows = np.arange(len(self.paths)) if free is None else free
-        near = self.elements.take(rows)
-        before = np.empty(0, dtype=np.int64)
-        fit: CylinderFit | None = None
-        exact = False
-        for _ in range(MAX_REFINEMENTS):
-            chi2 = centre_misfit(near, parameters, covariance)[0]
-            inside = np.flatnonzero(chi2 < CHI_SQUARED_GATE)
-            best = best_of_each_link(np.zeros_like(inside), near.link[inside], inside, chi2[inside])
-            inliers = np.sort(rows[inside[best]])
-            if len(inliers) < MIN_PATHS:
-                return None
-            # first by the elements, which is linear, then by Fermat's principle
-            exact |= np.array_equal(inliers, before)
-            if exact and fit is not None and np.array_equal(inliers, before):
-                break
-            before = inliers
-            if exact:
-                own = self.paths.take(inliers)
-                fit = fit_cylinder(own, self.normal[inliers], parameters[:2], float(parameters[2]))
-                if fit is None:
-                    return None
-                parameters, covariance = np.array([*fit.centre, fit.radius]), fit.covariance
-            else:
-                parameters, covariance = cylinder_of_elements(self.elements.take(inliers), float(parameters[2]))
-            if not RADII[0] < abs(parameters[2]) < RADII[1]:
-                return None
-        if fit is None:
-            fit = fit_cylinder(self.paths.take(before), self.normal[before], parameters[:2], float(parameters[2]))
-        return self.face(fit, before) if fit is not None else None
+        faces = self._faces(parameters[None], covariance[None], free)
+        return faces[0] if faces else None
 
-    def face(self, fit: CylinderFit, inliers: IntArray) -> CurvedFace | None:
+    def _faces(self, parameters: FloatArray, covariance: FloatArray, free: IntArray | None = None) -> list[CurvedFace]:
+        """Cylinders, the first the likeliest, exact by Fermat's principle, that are likelier than clutter."""
+        found: list[CurvedFace] = []
+        parameters, covariance = self._settled(parameters, covariance, self._fit_paths, free)
+        of, rows, _ = self._agreeing(parameters, covariance, free)
+        for number, inliers in enumerate(Ragged.from_pairs(of, rows, len(parameters))):
+            if any(np.isin(inliers, face.inliers).all() for face in found):
+                continue
+            face = self.face(parameters[number], covariance[number], inliers)
+            if face is not None and face.evidence > TWENTY_TO_ONE:
+                found.append(face)
+        return found
+
+    def _best_pairs(self, seeds: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Parameters (pair, 3) and covariances (pair, 3, 3) of likely pairs of seeds and partners, likeliest first."""
+        _, near = self.tree.query(self.elements.point[seeds], min(NEIGHBOURS, len(self.paths)))
+        found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        for first in range(0, len(seeds), BATCH):
+            rows, own = near[first : first + BATCH], seeds[first : first + BATCH]
+            radius, density = radius_densities(self.elements.take(own[:, None]), self.elements.take(rows))
+            at, one = np.nonzero(density > 0)
+            if not len(at):
+                continue
+            # prior to the measurement every octave of radius is equally likely, convex or concave
+            octave = np.floor(np.log2(np.abs(radius[at, one])))
+            at, one = (index[_best_of_each(density[at, one], octave, radius[at, one] > 0, at)] for index in (at, one))
+            both = np.stack([own[at], rows[at, one]], axis=-1)
+            of = np.repeat(np.arange(len(at)), 2)
+            parameters, covariance = cylinders_of_elements(self.elements.take(both.ravel()), of, radius[at, one])
+            score = self._best_of_links(parameters, covariance, rows[at]) + log_prior(parameters[:, 2])
+            score[~_is_possible(parameters[:, 2])] = -np.inf
+            best = _best_of_each(score, parameters[:, 2] > 0, at)
+            best = best[score[best] > TWENTY_TO_ONE]
+            found.append((score[best], parameters[best], covariance[best]))
+        if not found:
+            return np.empty((0, 3)), np.empty((0, 3, 3))
+        score, parameters, covariance = (np.concatenate(part) for part in zip(*found, strict=True))
+        order = np.argsort(-score, kind="stable")
+        return parameters[order], covariance[order]
+
+    def _best_of_links(self, parameters: FloatArray, covariance: FloatArray, rows: IntArray) -> FloatArray:
+        """Sum (cylinder,) of the log odds, where positive, of the best one of rows (cylinder, n) of each link."""
+        own = self.elements.take(rows)
+        odds = np.maximum(predictive_log_odds(own, parameters, covariance), 0.0)
+        best = np.zeros((len(rows), int(self.elements.link.max()) + 1))
+        np.maximum.at(best, (np.arange(len(rows))[:, None], own.link), odds)
+        return np.asarray(best.sum(axis=-1))
+
+    def _settled(
+        self, parameters: FloatArray, covariance: FloatArray, fit: Fit, free: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Cylinders after collecting the free paths that agree, and fitting to these, until they no longer change.
+
+        Those that clutter explains better are left out. Many starts end in the same cylinder. The likeliest is first.
+        """
+        done: dict[bytes, tuple[float, FloatArray, FloatArray]] = {}
+        before: list[bytes] = [b""] * len(parameters)
+        for last in range(MAX_REFINEMENTS + 1):
+            of, rows, odds = self._agreeing(parameters, covariance, free)
+            inliers = Ragged.from_pairs(of, rows, len(parameters))
+            score = np.bincount(of, odds, len(parameters)) + log_prior(parameters[:, 2])
+            left: dict[bytes, int] = {}
+            for number in np.flatnonzero((inliers.sizes >= MIN_PATHS) & (score > TWENTY_TO_ONE)).tolist():
+                key = inliers[number].tobytes()
+                if key == before[number] or last == MAX_REFINEMENTS:
+                    done.setdefault(key, (float(score[number]), parameters[number], covariance[number]))
+                elif key not in done:
+                    left.setdefault(key, number)
+            if not left:
+                break
+            kept = np.array(list(left.values()))
+            inliers = inliers.take(kept)
+            parameters, covariance = fit(inliers, parameters[kept])
+            possible = _is_possible(parameters[:, 2])
+            parameters, covariance = parameters[possible], covariance[possible]
+            before = list(compress(left, possible))
+        best = sorted(done.values(), key=lambda one: -one[0])
+        return np.array([one[1] for one in best]).reshape(-1, 3), np.array([one[2] for one in best]).reshape(-1, 3, 3)
+
+    def _fit_elements(self, inliers: Ragged, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return cylinders_of_elements(self.elements.take(inliers.rows), inliers.owner, start[:, 2])
+
+    def _fit_paths(self, inliers: Ragged, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return fit_cylinders(self.paths.take(inliers.rows), self.normal[inliers.rows], inliers.owner, start)
+
+    def _agreeing(
+        self, parameters: FloatArray, covariance: FloatArray, free: IntArray | None
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Pairs (pair,) of cylinders and free paths that agree, the best of each link, and their log odds."""
+        free = np.arange(len(self.paths)) if free is None else free
+        elements = self.elements.take(free)
+        parts = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))]
+        for first in range(0, len(parameters), BATCH):
+            some = slice(first, first + BATCH)
+            chi2, width = centre_misfit(elements, parameters[some], covariance[some])
+            of, rows = np.nonzero(chi2 < CHI_SQUARED_GATE)
+            chi2, width = chi2[of, rows], width[of, rows]
+            best = best_of_each_link(of, elements.link[rows], rows, chi2)
+            odds = -chi2 / 2 - np.log(2 * np.pi) - width - elements.log_clutter[rows]
+            parts.append((of[best] + first, free[rows[best]], odds[best]))
+        of, rows, odds = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return of, rows, odds
+
+    def face(self, parameters: FloatArray, covariance: FloatArray, inliers: IntArray) -> CurvedFace | None:
         """Cylinder with the inliers that it reflects, and its evidence."""
         paths = self.paths.take(inliers)
-        fit = compared(paths, self.normal[inliers], fit.centre, fit.radius, fit.covariance)
+        fit = compared(paths, self.normal[inliers], parameters[:2], float(parameters[2]), covariance)
         kept = fit.chi_squared < CHI_SQUARED_GATE
         if abs(fit.radius) < SIGMAS * np.sqrt(fit.covariance[2, 2]):
             return None  # a thin pole, whose radius follows from its loss only
@@ -187,7 +235,7 @@ class CylinderSearch:
         """Log density (inlier,) of the other paths about the reflection points, as in `Elements`."""
         without = self._place[inliers[self._background[inliers]]]
         density = self._density.at(own.point, [without] * len(inliers))
-        return np.log(density * np.maximum(np.abs(np.linalg.det(own.point_slopes)), 1e-12))
+        return np.log(density * np.maximum(np.abs(own.turned[:, 0]), ROUNDING))
 
 
 def path_log_odds(chi_squared: FloatArray, own: Elements) -> FloatArray:
@@ -195,71 +243,102 @@ def path_log_odds(chi_squared: FloatArray, own: Elements) -> FloatArray:
     return np.asarray(-chi_squared / 2 - np.log(2 * np.pi) - own.log_clutter)
 
 
-def pair_cylinders(first: Elements, second: Elements) -> tuple[FloatArray, FloatArray]:
-    """Cylinders (pair, 3) through pairs of elements, and their covariances (pair, 3, 3); NaN where they disagree.
+def pair_radii(first: Elements, second: Elements) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Radii (pair,) of the cylinders through pairs of elements, their variances, and chi-squared with one freedom.
 
-    Two elements are four equations ``c + a n = p`` for three unknowns: the radius is ``dp.dn / |dn|**2``, and what is
-    left of ``dp - a dn`` has one degree of freedom.
+    Two elements are four equations ``c + a n = p`` for three unknowns: ``dp = a dn`` is left if the centre is
+    eliminated. Its weights are those of ``a = dp.dn / |dn|**2``.
     """
     dp, dn = first.point - second.point, first.normal - second.normal
-    square = np.sum(dn**2, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        radius = np.sum(dp * dn, axis=-1) / square
-    usable = (np.abs(radius) > RADII[0]) & (np.abs(radius) < RADII[1])
-    radius = np.where(usable, radius, 1.0)
-    slopes = [one.centre_slopes(radius) for one in (first, second)]
-    spread = [slope @ slope.swapaxes(-1, -2) for slope in slopes]
-    normal_matrix, gradient = np.zeros((len(radius), 3, 3)), np.zeros((len(radius), 3))
-    for one, covariance in zip((first, second), spread, strict=True):
-        weight = np.linalg.inv(covariance + 1e-12 * np.eye(2))
-        design = np.concatenate([np.broadcast_to(np.eye(2), covariance.shape), one.normal[:, :, None]], axis=-1)
-        normal_matrix += design.swapaxes(-1, -2) @ weight @ design
-        gradient += np.einsum("nij,njk,nk->ni", design.swapaxes(-1, -2), weight, one.point)
-    usable &= np.linalg.cond(normal_matrix) < 1e13
-    normal_matrix[~usable] = np.eye(3)
-    errors = np.asarray(np.linalg.inv(normal_matrix), dtype=float)
-    parameters = np.einsum("nij,nj->ni", errors, gradient)
-    apart = dp - parameters[:, 2:] * dn
-    chi2 = np.einsum("ni,nij,nj->n", apart, np.linalg.inv(spread[0] + spread[1] + 1e-12 * np.eye(2)), apart)
-    radius = parameters[:, 2]
-    usable &= (chi2 < CHI_SQUARED_GATE) & (np.abs(radius) > RADII[0]) & (np.abs(radius) < RADII[1])
-    usable &= errors[:, 2, 2] < radius**2
-    return np.where(usable[:, None], parameters, np.nan), np.where(usable[:, None, None], errors, np.nan)
+        start = np.sum(dp * dn, axis=-1) / np.sum(dn * dn, axis=-1)
+        start = np.where(_is_possible(start), start, 1.0)
+        spread = [a + b for a, b in zip(first.centre_covariance(start), second.centre_covariance(start), strict=True)]
+        weight = 1 / _quadratic(spread, dn, dn)
+        radius = weight * _quadratic(spread, dp, dn)
+    return radius, weight, _quadratic(spread, dp, dp) - radius**2 / weight
 
 
-def cylinder_of_elements(own: Elements, radius: float) -> tuple[FloatArray, FloatArray]:
-    """Weighted least squares of ``c + a n = p``: cylinder (3,) and covariance (3, 3); weights are those of a radius."""
-    slopes = own.centre_slopes(np.full(len(own.link), radius))
-    weight = np.linalg.inv(slopes @ slopes.swapaxes(-1, -2) + 1e-12 * np.eye(2))
-    design = np.concatenate([np.broadcast_to(np.eye(2), slopes.shape), own.normal[:, :, None]], axis=-1)
+def radius_densities(seeds: Elements, partners: Elements) -> tuple[FloatArray, FloatArray]:
+    """Radii (seed, partner) that partners give with a seed, and the relative density of these radii at each of them.
+
+    Partners on the same cylinder give the same radius within their errors. It is 0 where a pair gives none.
+    """
+    radius, variance, chi2 = pair_radii(seeds, partners)
+    usable = (seeds.link != partners.link) & (chi2 < CHI_SQUARED_GATE) & _is_possible(radius) & (variance < radius**2)
+    radius, variance = np.where(usable, radius, np.inf), np.where(usable, variance, 1.0)
+    both = variance[:, :, None] + variance[:, None, :]
+    with np.errstate(invalid="ignore"):
+        near = np.exp(-((radius[:, :, None] - radius[:, None, :]) ** 2) / (2 * both)) / np.sqrt(both)
+        return radius, np.where(usable, np.abs(radius) * np.nansum(near, axis=-1), 0.0)
+
+
+def _best_of_each(score: FloatArray, *keys: np.ndarray) -> IntArray:
+    """Index (n,) of the highest score (n,) among those with the same keys, ordered by the last key."""
+    order = np.lexsort((-score, *keys))
+    return order[np.r_[True, np.any([np.diff(key[order].astype(float)) != 0 for key in keys], axis=0)]]
+
+
+def _is_possible(radius: FloatArray | float) -> Any:
+    """Whether radii (...) are considered."""
+    return (np.abs(radius) > RADII[0]) & (np.abs(radius) < RADII[1])
+
+
+def _quadratic(spread: Sequence[FloatArray], one: FloatArray, other: FloatArray) -> FloatArray:
+    """``one' V**-1 other`` (...) of vectors (..., 2) and covariances (east, both, north)."""
+    a, b, d = spread
+    (u, v), (x, y) = np.moveaxis(one, -1, 0), np.moveaxis(other, -1, 0)
+    return np.asarray((u * x * d - (u * y + v * x) * b + v * y * a) / (a * d - b * b))
+
+
+def cylinders_of_elements(own: Elements, of: IntArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Weighted least squares of ``c + a n = p``: cylinders (cylinder, 3) and covariances (cylinder, 3, 3).
+
+    Parameters
+    ----------
+    own : Elements
+    of : array (path,) of int
+        Number of the cylinder of each, ascending.
+    radius : array (cylinder,)
+        Of which the weights are.
+    """
+    a, b, d = own.centre_covariance(radius[of])
+    weight = np.stack([d, -b, -b, a], axis=-1).reshape(-1, 2, 2) / (a * d - b * b)[:, None, None]
+    design = np.concatenate([np.broadcast_to(np.eye(2), weight.shape), own.normal[:, :, None]], axis=-1)
     weighted = design.swapaxes(-1, -2) @ weight
-    covariance = np.linalg.pinv((weighted @ design).sum(axis=0), hermitian=True)
-    return covariance @ np.einsum("nij,nj->i", weighted, own.point), covariance
+    starts = np.searchsorted(of, np.arange(len(radius)))
+    covariance = np.linalg.pinv(np.add.reduceat(weighted @ design, starts), hermitian=True)
+    moment = np.add.reduceat(weighted @ own.point[:, :, None], starts)
+    return (covariance @ moment)[:, :, 0], covariance
 
 
 def centre_misfit(own: Elements, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Chi-squared (path,) of elements against a cylinder with its errors, and ``log sqrt|V| - log |D|`` (path,).
+    """Chi-squared (..., path) of elements (path,) or (..., path) against cylinders (..., 3) with their errors.
 
-    ``V`` is the covariance of ``p - a n - c`` and ``|D|`` turns its density into one of length and azimuth.
+    Also ``log sqrt|V| - log |D|`` (..., path): ``V`` is the covariance of ``p - a n - c`` and ``|D|`` turns its density
+    into one of length and azimuth.
     """
-    slopes = own.centre_slopes(np.full(len(own.link), parameters[2]))
-    design = np.concatenate([np.broadcast_to(np.eye(2), slopes.shape), own.normal[:, :, None]], axis=-1)
-    spread = slopes @ slopes.swapaxes(-1, -2) + design @ covariance @ design.swapaxes(-1, -2)
-    residual = own.point - parameters[:2] - parameters[2] * own.normal
-    a, b, d = spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
-    determinant = np.maximum(a * d - b * b, 1e-24)
-    east, north = residual.T
-    chi2 = (east**2 * d - 2 * east * north * b + north**2 * a) / determinant
-    turned = np.maximum(np.abs(np.linalg.det(slopes)), 1e-12)
-    return chi2, np.log(determinant) / 2 - np.log(turned)
+    east, north, radius = (parameters[..., i, None] for i in range(3))
+    c = covariance[..., None]
+    x, y = own.normal[..., 0], own.normal[..., 1]
+    a, b, d = own.centre_covariance(np.broadcast_to(radius, np.broadcast_shapes(radius.shape, x.shape)))
+    a = a + c[..., 0, 0, :] + x * (2 * c[..., 0, 2, :] + x * c[..., 2, 2, :])
+    b = b + c[..., 0, 1, :] + x * c[..., 1, 2, :] + y * (c[..., 0, 2, :] + x * c[..., 2, 2, :])
+    d = d + c[..., 1, 1, :] + y * (2 * c[..., 1, 2, :] + y * c[..., 2, 2, :])
+    determinant = np.maximum(a * d - b * b, ROUNDING**2)
+    east = own.point[..., 0] - east - radius * x
+    north = own.point[..., 1] - north - radius * y
+    chi2 = (east * east * d - 2 * east * north * b + north * north * a) / determinant
+    turned = np.abs(own.turned[..., 0] + radius * own.turned[..., 1])
+    return chi2, np.log(determinant) / 2 - np.log(np.maximum(turned, ROUNDING))
 
 
 def predictive_log_odds(own: Elements, parameters: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Log odds (path,) of elements to be off a cylinder that is known so well, and not clutter."""
+    """Log odds (..., path) of elements to be off cylinders that are known so well, and not clutter."""
     chi2, width = centre_misfit(own, parameters, covariance)
     return np.asarray(-chi2 / 2 - np.log(2 * np.pi) - width - own.log_clutter)
 
 
-def log_prior(radius: float) -> float:
-    """Log prior density of a cylinder [1/m3]."""
-    return float(np.log(PRIOR_DENSITY / (2 * abs(radius) * np.log(RADII[1] / RADII[0]))))
+def log_prior(radius: Any) -> Any:
+    """Log prior density (...) of cylinders of radii (...) [1/m3]."""
+    return np.log(PRIOR_DENSITY / (2 * np.abs(radius) * np.log(RADII[1] / RADII[0])))
