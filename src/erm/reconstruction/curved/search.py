@@ -105,7 +105,7 @@ class CylinderSearch:
 
     def _best_pairs(self, seeds: IntArray) -> tuple[FloatArray, FloatArray]:
         """Parameters (pair, 3) and covariances (pair, 3, 3) of likely pairs of seeds and partners, likeliest first."""
-        _, near = self.tree.query(self.elements.point[seeds], min(NEIGHBOURS, len(self.paths)))
+        near = np.asarray(self.tree.query(self.elements.point[seeds], min(NEIGHBOURS, len(self.paths)))[1])
         found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         for first in range(0, len(seeds), BATCH):
             rows, own = near[first : first + BATCH], seeds[first : first + BATCH]
