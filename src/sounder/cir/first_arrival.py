@@ -43,7 +43,7 @@ def place_first_arrival(cir: xr.Dataset, distance: float) -> xr.Dataset:
     power = np.abs(np.nan_to_num(cir["cir"].values)) ** 2
     floor = noise_power(power)[..., None]
     seen = power > np.maximum(-np.log(FALSE_ALARM / power.shape[-1]) * floor, power.max() * 10 ** (-DYNAMIC_RANGE / 10))
-    at = np.flatnonzero(seen.any(axis=(0, 1)))
+    at = np.flatnonzero(seen.reshape(-1, seen.shape[-1]).any(axis=0))
     if not at.size:
         return cir
     silences = np.diff(at, prepend=at[-1] - power.shape[-1])

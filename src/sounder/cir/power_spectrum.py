@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sounder.cir.departures import beam_overlap, power_at_arrival
 from sounder.cir.false_alarm import NOISE_QUANTILE, quantile_of_noise
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
@@ -58,9 +59,10 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "s
     Parameters
     ----------
     cir : xarray.Dataset
-        ``cir`` (azimuth, elevation, delay), from :func:`sounder.cir.impulse_response.impulse_responses`.
+        ``cir`` (azimuth, elevation, delay), from :func:`sounder.cir.impulse_response.impulse_responses`, or
+        (tx_azimuth, tx_elevation, azimuth, elevation, delay).
     sounder : Sounder
-        For the receive antenna's pattern.
+        For the patterns of the antennas.
     omnidirectional : {"sum", "maximum"}
         How the omnidirectional power delay profile (PDP) is made of the beams. Both are too low for paths above or
         below the scan, by what the antenna loses toward them; :mod:`sounder.mpc.omnidirectional_pdp` is not. ``sum``
@@ -76,7 +78,10 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "s
         direction is left out. ``pdp`` (delay): omnidirectional, as chosen, boresight gain removed [dB].
         ``pas`` (azimuth, elevation): power angular spectrum, the sum over the delays that are 6 dB or more above the
         noise floor [dB]. ``coherence``, ``carrier_offset`` and ``phase_drift`` (azimuth, elevation), if ``cir`` has
-        them. NaN where nothing was recorded.
+        them. NaN where nothing was recorded. Where the transmit antenna has several beams, all these are of the sum of
+        the power over its beams over their overlap, as if it were omnidirectional, and
+        ``double_directional_daps`` (tx_azimuth, tx_elevation, azimuth, elevation, delay) is the DAPS over departure and
+        arrival [dB].
 
     References
     ----------
@@ -98,14 +103,15 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "s
     -104.5 dB
     """
     require_choice("omnidirectional", omnidirectional, BeamProfile)
-    power = np.abs(cir["cir"].values).astype(float) ** 2
-    floor = noise_power(power, looks_of(cir))
+    arrival = power_at_arrival(cir, sounder)
+    power = arrival.power
+    floor = noise_power(power, looks_of(cir) * arrival.beams)
     recorded = np.isfinite(floor)
     pattern = Pattern.of(sounder.rx_antenna)
     boresight = 10 ** (pattern.gain / 10)
     excess = np.where(power > 4 * floor[..., None], power, 0)  # 6 dB: exp(-4) = 2 % of the noise samples remain
     if omnidirectional == "sum":
-        overlap = _overlap(cir["azimuth"].values, cir["elevation"].values, recorded, pattern)
+        overlap = beam_overlap(cir["azimuth"].values, cir["elevation"].values, recorded, pattern)
         pdp = np.nansum(power, axis=(0, 1)) / (boresight * overlap)
     else:
         pdp = np.nanmax(power, axis=(0, 1)) / boresight
@@ -122,16 +128,15 @@ def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "s
         coords=cir.coords,
         attrs={**cir.attrs, "omnidirectional": omnidirectional, "rx_antenna_gain": pattern.gain},
     )
-    return result.assign({name: cir[name] for name in OF_DIRECTIONS if name in cir})
-
-
-def _overlap(
-    azimuth: NDArray[np.float64], elevation: NDArray[np.float64], recorded: NDArray[np.bool_], pattern: Pattern
-) -> float:
-    """Sum of the relative gains of all recorded beams toward a direction of the scan, averaged over the scan."""
-    a, e = (grid[recorded] for grid in np.meshgrid(azimuth, elevation, indexing="ij"))
-    gains = 10 ** (pattern.beam_gain(a[:, None], e[:, None], a[None, :], e[None, :]) / 10)
-    return float(gains.sum(axis=1).mean())
+    for name in OF_DIRECTIONS:
+        if name in cir:
+            result[name] = grid, arrival.of_strongest(cir[name]), cir[name].attrs
+    if arrival.links is not None:
+        long_name = "delay-angular power spectrum over departure and arrival"
+        values = _db(arrival.links).astype(np.float32)
+        result["double_directional_daps"] = cir["cir"].dims, values, _attrs(long_name)
+        result.attrs["departure_noise"] = float(10 * np.log10(arrival.beams / arrival.overlap))
+    return result
 
 
 def _db(power: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 from sounder.cir.deembedding import Deembedding
 from sounder.instrument.description import Sounder
 from sounder.kernels.extraction.peak_search import new_search
-from sounder.kernels.extraction.records import PATH
+from sounder.kernels.extraction.records import ARRIVAL, DEPARTURE, PATH
 from sounder.kernels.extraction.sage import Effort, cancel
 from sounder.kernels.extraction.workspace import workspace
+from sounder.mpc.beams import Beams
 from sounder.mpc.clock import clock_variance, scan_order
+from sounder.mpc.departures import with_departures
 from sounder.mpc.elevation_gain import with_elevation_gain
 from sounder.mpc.joint import refine_jointly
 from sounder.mpc.scan import Scan
@@ -50,13 +52,17 @@ def extract_mpcs(
     are fitted again, one after another. If two paths explain the beams at a delay, but one path does not, it becomes
     two paths (:mod:`sounder.mpc.two_paths`).
     Paths whose pulses overlap are fitted once more, together, if one phase per path explains all beams
-    (:mod:`sounder.mpc.joint`). For the errors see :func:`sounder.mpc.table.tabulate`; those of one path alone are up
-    to 1.16 times the Cramer-Rao bound.
+    (:mod:`sounder.mpc.joint`). Where the transmit antenna has several beams too, all this is of links, pairs of beams
+    at departure and arrival, whose gain is the product of both patterns; departure and arrival are fitted in turn
+    (:mod:`sounder.kernels.extraction.fit_path`). Two paths of one arrival are then told apart by their departure, and
+    the two last steps are left out. For the errors see :func:`sounder.mpc.table.tabulate`; those of one path alone are
+    up to 1.16 times the Cramer-Rao bound.
 
     Parameters
     ----------
     cir : xarray.Dataset
-        ``cir`` (azimuth, elevation, delay), from :func:`sounder.cir.impulse_response.impulse_responses`.
+        ``cir`` (azimuth, elevation, delay), from :func:`sounder.cir.impulse_response.impulse_responses`, or
+        (tx_azimuth, tx_elevation, azimuth, elevation, delay).
     filter_ : Deembedding
         The filter that made ``cir``. Its pulse is the shape of a single path.
     sounder : Sounder
@@ -83,7 +89,8 @@ def extract_mpcs(
     -------
     xarray.Dataset
         Along ``mpc``, strongest first, possibly of length 0: the columns of :func:`sounder.mpc.table.tabulate` and
-        :func:`sounder.mpc.elevation_gain.with_elevation_gain`. Attributes: ``paths_outside_fan``, the number of paths
+        :func:`sounder.mpc.elevation_gain.with_elevation_gain`, and with several beams of the transmit antenna those of
+        :func:`sounder.mpc.departures.with_departures`. Attributes: ``paths_outside_fan``, the number of paths
         left out because only sidelobes see them, so that their angles are not known; ``paths_beyond_gate``, the number
         left out because they are later than the delay gate; ``complete``, 0 if more paths
         exceed the threshold than a table holds; ``period`` of the sequence [s], by whole numbers of which delays may
@@ -108,21 +115,34 @@ def extract_mpcs(
     scan = Scan.of(cir, filter_, sounder, threshold)
     effort = EFFORT[method]
     residual = scan.cir.copy()
-    found, removed, complete = _cancel(residual, scan, effort)
+    found, departure, removed, complete = _cancel(residual, scan, effort)
     group = np.full(len(found), -1)
-    if effort.passes and scan.azimuth.size > 2 and scan.elevation.size > 1 and scan.pattern.directive:
+    grid = scan.azimuth.size > 2 and scan.elevation.size > 1 and scan.departure.size == 1
+    if effort.passes and grid and scan.pattern.directive:
         found, removed, group = split_paths(found, removed, scan)
         found, group = refine_jointly(found, removed, group, scan)
+        departure = np.zeros(len(found), PATH)
     order = np.argsort(-found["amplitude"])
-    found, group = found[order], group[order]
-    power = beam_power(found, scan)
+    found, departure, group = found[order], departure[order], group[order]
+    power = beam_power(found, scan, departure)
     inflation = variance_inflation(found, power, group, residual if effort.removes else None, scan)
-    clock = clock_variance(*best_beams(power), scan_order(time, *cir["cir"].shape[:2]), sounder.clock.step)
-    located = _located(found, scan)
-    errors = {"inflation": inflation, "clock": clock, "pattern": pattern_covariance(found, group, scan)}
+    turned = scan_order(time, scan.azimuth.size, scan.elevation.size)
+    in_turn = np.add.outer(scan.arrival.size * np.arange(scan.departure.size), turned).ravel()
+    clock = clock_variance(*best_beams(power), in_turn, sounder.clock.step)
+    ends = {ARRIVAL: (found, scan.arrival), DEPARTURE: (departure, scan.departure)}
+    pattern = [pattern_covariance(of, group, beams, scan.recorded_beams(end)) for end, (of, beams) in ends.items()]
+    pattern[ARRIVAL][:, 2, 2] += pattern[DEPARTURE][:, 2, 2]
+    gain = found["beam_gain"] / departure["beam_gain"] if scan.departure.size > 1 else found["beam_gain"]
+    located = _located(found, gain, scan.arrival)
+    errors = {"inflation": inflation, "clock": clock, "pattern": pattern[ARRIVAL]}
     of_located = {name: values[located] for name, values in errors.items()}
     table = tabulate(found[located], scan, distance, **of_located)
     table = with_elevation_gain(table, scan.directions, scan.pattern)
+    if scan.departure.size > 1:
+        seen = _located(departure, departure["beam_gain"], scan.departure)[located]
+        table = with_departures(
+            table, departure[located], seen, scan, inflation[located, 1], pattern[DEPARTURE][located]
+        )
     period = scan.period / filter_.sample_rate
     late = table["delay"].values > threshold.delay_gate
     facts = {"threshold": str(threshold), "method": method, "complete": int(complete), "period": period}
@@ -133,23 +153,25 @@ def extract_mpcs(
 
 def _cancel(
     residual: NDArray[np.complex64], scan: Scan, effort: Effort
-) -> tuple[NDArray[np.record], NDArray[np.complex64], bool]:
-    """Paths by successive cancellation, the amplitude removed for each from each beam, and whether these are all."""
+) -> tuple[NDArray[np.record], NDArray[np.record], NDArray[np.complex64], bool]:
+    """Arrivals and departures by cancellation, what was removed from each link, and whether these are all."""
     view = scan.view(removes=bool(effort.removes))
     work = workspace(view)
-    found, removed = np.zeros(CAPACITY, PATH), np.zeros((CAPACITY, len(residual)), np.complex64)
+    found, removed = np.zeros((CAPACITY, 2), PATH), np.zeros((CAPACITY, len(residual)), np.complex64)
     count, complete = cancel(residual, view, effort, work, new_search(residual, work), found, removed)
-    return found[:count], removed[:count], complete
+    return found[:count, ARRIVAL].copy(), found[:count, DEPARTURE].copy(), removed[:count], complete
 
 
-def _located(found: NDArray[np.record], scan: Scan) -> NDArray[np.bool_]:
-    """Whether each path is in the main lobe of its beam, so that its direction is known.
+def _located(found: NDArray[np.record], gain: NDArray[np.float64], beams: Beams) -> NDArray[np.bool_]:
+    """Whether each path is in the main lobe of its beam at one end, so that its direction is known.
+
+    ``gain`` (mpc,) is the amplitude of that beam's pattern toward it.
 
     A path far above or below the fan enters all beams alike through their sidelobes. Its delay is right, but its angle
     is not known. Nor is that of a path that the pattern does not fit.
     """
-    known: NDArray[np.bool_] = ~(found["azimuth_variance"] > (scan.beamwidth[0] / 2) ** 2)
-    if not scan.pattern.directive:
-        return known & (found["beam_gain"] > 0.0)
-    sidelobes = min(scan.pattern.sidelobe_level, scan.pattern.floor + 20 * np.log10(scan.pattern_margin))
-    return known & (found["beam_gain"] > 10 ** ((sidelobes + LOCATED) / 20))
+    known: NDArray[np.bool_] = ~(found["azimuth_variance"] > (beams.beamwidth[0] / 2) ** 2)
+    if not beams.pattern.directive:
+        return known & (gain > 0.0)
+    sidelobes = min(beams.pattern.sidelobe_level, beams.pattern.floor + 20 * np.log10(beams.margin))
+    return known & (gain > 10 ** ((sidelobes + LOCATED) / 20))

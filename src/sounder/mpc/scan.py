@@ -15,9 +15,10 @@ from sounder.cir.power_spectrum import looks_of, noise_power
 from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
-from sounder.kernels.extraction.records import ARTEFACT
-from sounder.kernels.extraction.scan_view import ScanView, beam_table
-from sounder.mpc.directions import beam_directions, beam_gains, wrap
+from sounder.kernels.extraction.records import ARRIVAL, ARTEFACT, DEPARTURE
+from sounder.kernels.extraction.scan_view import ScanView, link_table
+from sounder.mpc.beams import ONE_BEAM, Beams
+from sounder.mpc.directions import wrap
 from sounder.mpc.pattern_slopes import Cuts
 from sounder.mpc.threshold import detection_threshold, independent_samples
 from sounder.mpc.whitened_samples import CentredPulse, WindowPulse
@@ -33,24 +34,27 @@ CANCELLATION_RESIDUAL = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """The beams of a position.
+    """The links of a position: all beams of the arrival for each beam of the departure.
 
-    Beams are in the order of `sounder.mpc.directions.beam_directions`.
+    Where the transmit antenna was not turned, it has one beam, and links and beams are the same. Beams are in the order
+    of `sounder.mpc.directions.beam_directions`.
 
     Attributes
     ----------
-    cir : array complex64 (beam, delay)
+    cir : array complex64 (link, delay)
         CIRs; NaN where nothing was recorded.
     azimuth, elevation : array (azimuth,), (elevation,)
-        Axes of the scan [degree].
-    noise : array (beam,)
+        Axes of the scan at arrival [degree].
+    noise : array (link,)
         Mean noise power; NaN where nothing was recorded.
-    threshold : array (beam,)
+    threshold : array (link,)
         Least power of a path; infinite where nothing was recorded.
     filter_ : Deembedding
         The filter that made the CIRs. Its pulse is the shape of a path.
     sounder : Sounder
         Description of the receive antenna, the clock, and the copies that the instrument makes of paths.
+    departure : Beams
+        Those of the transmit antenna.
     """
 
     cir: NDArray[np.complex64]
@@ -60,6 +64,7 @@ class Scan:
     threshold: Real
     filter_: Deembedding
     sounder: Sounder
+    departure: Beams = ONE_BEAM
 
     @classmethod
     def of(cls, cir: xr.Dataset, filter_: Deembedding, sounder: Sounder, threshold: str | Threshold = "cfar") -> Self:
@@ -68,19 +73,24 @@ class Scan:
         Parameters
         ----------
         cir : xarray.Dataset
-            ``cir`` (azimuth, elevation, delay).
+            ``cir`` (azimuth, elevation, delay), or (tx_azimuth, tx_elevation, azimuth, elevation, delay).
         filter_ : Deembedding
         sounder : Sounder
         threshold : str or Threshold
             See :func:`sounder.mpc.threshold.detection_threshold`.
         """
         azimuth, elevation = (cir[axis].values.astype(float) for axis in ("azimuth", "elevation"))
-        beams = np.ascontiguousarray(cir["cir"].values.reshape(azimuth.size * elevation.size, -1), np.complex64)
+        departure = ONE_BEAM
+        if "tx_azimuth" in cir.dims:
+            tx_azimuth, tx_elevation = (cir[axis].values.astype(float) for axis in ("tx_azimuth", "tx_elevation"))
+            departure = Beams(tx_azimuth, tx_elevation, sounder.tx_antenna)
+        links = departure.size * azimuth.size * elevation.size
+        beams = np.ascontiguousarray(cir["cir"].values.reshape(links, -1), np.complex64)
         looks = looks_of(cir)
         noise = noise_power(np.abs(beams) ** 2, looks).astype(float)
         independent = independent_samples(filter_)
         least = detection_threshold(beams, noise, Threshold.of(threshold), independent=independent, looks=looks)
-        return cls(beams, azimuth, elevation, noise, least, filter_, sounder)
+        return cls(beams, azimuth, elevation, noise, least, filter_, sounder, departure)
 
     @property
     def period(self) -> int:
@@ -88,24 +98,29 @@ class Scan:
         return self.cir.shape[1]
 
     @cached_property
+    def arrival(self) -> Beams:
+        """Beams of the receive antenna."""
+        return Beams(self.azimuth, self.elevation, self.sounder.rx_antenna)
+
+    @property
     def directions(self) -> Real:
-        """Azimuth and elevation (beam, 2) [degree]."""
-        return beam_directions(self.azimuth, self.elevation)
+        """Azimuth and elevation (beam, 2) at arrival [degree]."""
+        return self.arrival.directions
 
     @cached_property
     def recorded(self) -> Integers:
-        """Numbers of the beams that were recorded."""
+        """Numbers of the links that were recorded."""
         return np.flatnonzero(np.isfinite(self.noise))
 
-    @cached_property
+    @property
     def pattern(self) -> Pattern:
         """Of the receive antenna."""
-        return Pattern.of(self.antenna)
+        return self.arrival.pattern
 
-    @cached_property
+    @property
     def cuts(self) -> Cuts:
-        """Of the pattern, with their slopes."""
-        return Cuts.of(self.pattern)
+        """Of the pattern of the receive antenna, with their slopes."""
+        return self.arrival.cuts
 
     @property
     def antenna(self) -> Antenna:
@@ -114,13 +129,13 @@ class Scan:
 
     @property
     def pattern_margin(self) -> float:
-        """Amplitude over the pattern's prediction that still counts as the same path."""
-        return float(10 ** (self.antenna.margin_above / 20))
+        """Amplitude over the receive pattern's prediction that still counts as the same path."""
+        return self.arrival.margin
 
-    @cached_property
+    @property
     def beamwidth(self) -> Real:
-        """Half-power beamwidths (2,) in azimuth and elevation [degree]; 360 and 180 for one without a lobe."""
-        return np.array([self.antenna.hpbw_azimuth or 360.0, self.antenna.hpbw_elevation or 180.0])
+        """Half-power beamwidths (2,) of the receive antenna [degree]."""
+        return self.arrival.beamwidth
 
     @cached_property
     def elevation_range(self) -> Real:
@@ -148,13 +163,19 @@ class Scan:
         """Whitened pulse in a window of so many samples."""
         return cache(lambda size: WindowPulse.of(self.filter_.matched_filter, self.filter_.noise, size))
 
+    def recorded_beams(self, end: int) -> NDArray[np.bool_]:
+        """Whether each beam of the antenna at an end, `ARRIVAL` or `DEPARTURE`, was recorded in any link."""
+        links = np.isfinite(self.noise).reshape(self.departure.size, self.arrival.size)
+        recorded: NDArray[np.bool_] = np.any(links, axis=0 if end == ARRIVAL else 1)
+        return recorded
+
     def delay_after(self, delay: Real, reference: Real | float) -> Real:
         """Delays after a reference [sample], the short way round."""
         return wrap(delay - reference, self.period)
 
     def gains(self, azimuth: Real, elevation: Real) -> Real:
-        """Relative gains (path, beam) of all beams toward paths [dB]."""
-        return beam_gains(azimuth, elevation, self.directions, self.pattern)
+        """Relative gains (path, beam) of all beams of the receive antenna toward paths [dB]."""
+        return self.arrival.gains(azimuth, elevation)
 
     def pulse_at(self, lag: Real) -> Complex:
         """Pulse of a path of amplitude 1 at lags (...) after its delay [sample]: the nearest point of its table."""
@@ -176,37 +197,21 @@ class Scan:
         removes : bool
             Whether paths are subtracted from the beams. One that stays enters all beams through their sidelobes.
         """
-        step = float(np.diff(self.azimuth).max()) if self.azimuth.size > 1 else 0.0
-        # The azimuths close a circle if the gap between last and first is a step of the scan, or hardly more.
-        gap = self.azimuth[0] + 360 - self.azimuth[-1]
-        copies = self.sounder.processing.artefact
-        rate = self.filter_.sample_rate
-        sidelobes = 10 ** (self.pattern.sidelobe_level / 20) if self.pattern.directive else 0.0
+        copies, rate, ends = self.sounder.processing.artefact, self.filter_.sample_rate, (self.arrival, self.departure)
+        margin = max(end.margin for end in ends)
         return ScanView(
-            beams=beam_table(self.noise, self.threshold, self.directions),
-            azimuth_cut=self.cuts.azimuth,
-            elevation_cut=self.cuts.elevation,
+            links=link_table(self.noise, self.threshold),
+            arrival=self.arrival.view(end=ARRIVAL, stride=1),
+            departure=self.departure.view(end=DEPARTURE, stride=self.arrival.size),
             pulse=self.filter_.matched_filter.pulse,
             matched=self.filter_.matched_filter.taps,
             artefacts=np.array([(copy.delay * rate, 10 ** (copy.level / 20)) for copy in copies], ARTEFACT),
             oversampling=OVERSAMPLING,
-            azimuths=self.azimuth.size,
-            elevations=self.elevation.size,
-            full_circle=bool(self.azimuth.size > 1 and gap <= 1.5 * step),
-            azimuth_reach=max(step, self.beamwidth[0] / 2),
-            lowest=self.elevation.min() - 2 * self.beamwidth[1],
-            highest=self.elevation.max() + 2 * self.beamwidth[1],
-            beamwidth=self.beamwidth[1],
-            floor=self.pattern.floor
-            * np.log(10)
-            / 20,  # differs from `Cuts.floor` in the last bit, which products show
             amplitude_variance=self.filter_.matched_filter.amplitude_variance,
-            margin_above=self.pattern_margin,
-            margin_below=float(10 ** (self.antenna.margin_below / 20)),
+            margin_above=margin,
+            margin_below=float(10 ** (max(end.antenna.margin_below for end in ends) / 20)),
             delay_resolution=self.resolution,
-            azimuth_resolution=self.beamwidth[0] / 2,
-            elevation_resolution=self.beamwidth[1],
-            remainder=CANCELLATION_RESIDUAL if removes else self.pattern_margin,
-            sidelobe_remainder=self.pattern_margin if removes else 0.0,
-            sidelobe_level=sidelobes if removes else 0.0,
+            remainder=CANCELLATION_RESIDUAL if removes else margin,
+            sidelobe_remainder=margin if removes else 0.0,
+            sidelobe_level=max(end.sidelobe_level for end in ends) if removes else 0.0,
         )

@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 
 from erm.common.constants import c
 from sounder.instrument.description import Sounder
+from sounder.mpc.beams import Beams
 from sounder.mpc.directions import DB_PER_NEPER
 from sounder.mpc.pattern_slopes import slopes
-from sounder.mpc.scan import Scan
-from sounder.mpc.uncertainty import beam_power, best_beams
+from sounder.mpc.uncertainty import best_beams
 
 Real = NDArray[np.float64]
 
@@ -56,7 +56,9 @@ def stated_variance(sounder: Sounder, delay: Real) -> Real:
     return variance
 
 
-def pattern_covariance(found: NDArray[np.record], group: NDArray[np.int64], scan: Scan) -> Real:
+def pattern_covariance(
+    found: NDArray[np.record], group: NDArray[np.int64], beams: Beams, recorded: NDArray[np.bool_]
+) -> Real:
     """Covariance that the stated errors of the antenna's pattern make.
 
     In beam ``b`` a path has the magnitude ``m_b = a g_b``. An error ``e_b`` of the pattern's amplitude, of standard
@@ -69,9 +71,13 @@ def pattern_covariance(found: NDArray[np.record], group: NDArray[np.int64], scan
     Parameters
     ----------
     found : array of `sounder.kernels.extraction.records.PATH` (mpc,)
+        Arrivals or departures.
     group : array (mpc,)
         Number of the group that was fitted together, -1 for others. The fits of groups hold these errors already.
-    scan : Scan
+    beams : Beams
+        Of the antenna at this end.
+    recorded : array (beam,)
+        Whether the beam was recorded.
 
     Returns
     -------
@@ -79,16 +85,16 @@ def pattern_covariance(found: NDArray[np.record], group: NDArray[np.int64], scan
         Of azimuth, elevation [degree] and gain [dB]. Zero if nothing is stated, and of an angle that the scan does not
         determine.
     """
-    gain_error, width_error = scan.antenna.gain_error or 0.0, scan.antenna.beamwidth_error or 0.0
+    gain_error, width_error = beams.antenna.gain_error or 0.0, beams.antenna.beamwidth_error or 0.0
     covariance = np.zeros((len(found), 3, 3))
-    if not found.size or not scan.pattern.directive or not (gain_error or width_error):
+    if not found.size or not beams.pattern.directive or not (gain_error or width_error):
         return covariance
-    beam, weight = best_beams(beam_power(found, scan))
-    free = np.flatnonzero([scan.azimuth.size > 1, scan.elevation.size > 1, True])
+    beam, weight = best_beams(10 ** (beams.gains(found["azimuth"], found["elevation"]) / 10) * recorded)
+    free = np.flatnonzero([beams.azimuth.size > 1, beams.elevation.size > 1, True])
     shown = found["azimuth_variance"] * (1 - 1 / np.fmax(1.0, found["misfit"]))
     for p in np.flatnonzero(group < 0):
         path, near = found[p], beam[p, weight[p] > 0]
-        g, *angles = slopes(np.array(path["azimuth"]), np.array(path["elevation"]), scan.directions[near], scan.cuts)
+        g, *angles = slopes(np.array(path["azimuth"]), np.array(path["elevation"]), beams.directions[near], beams.cuts)
         columns = np.stack([*angles, g])[free]
         inverse = np.linalg.pinv(columns @ columns.T, rcond=1e-9, hermitian=True)
         apart = inverse @ (columns * g * gain_error)

@@ -21,9 +21,16 @@ Paths = NDArray[np.record]
 Residual = NDArray[np.complex64] | None
 
 
-def beam_power(found: Paths, scan: Scan) -> Real:
-    """Power pattern (mpc, beam) of the beams toward the paths, relative to boresight; 0 in beams not recorded."""
+def beam_power(found: Paths, scan: Scan, departure: Paths | None = None) -> Real:
+    """Power pattern (mpc, link) of the links toward the paths, relative to boresight; 0 in links not recorded.
+
+    It is the product of the patterns at both ends. Without ``departure`` the transmit antenna is taken to have one
+    beam.
+    """
     power = 10 ** (scan.gains(found["azimuth"], found["elevation"]) / 10)
+    if departure is not None and scan.departure.size > 1:
+        other = 10 ** (scan.departure.gains(departure["azimuth"], departure["elevation"]) / 10)
+        power = (other[:, :, None] * power[:, None, :]).reshape(len(found), -1)
     power[:, ~np.isfinite(scan.noise)] = 0.0
     return power
 

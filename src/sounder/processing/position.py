@@ -16,16 +16,15 @@ from erm.common.errors import DataError, internal_error
 from erm.common.storage import open_group, provenance, sha256, write_product
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.first_arrival import place_first_arrival
-from sounder.cir.impulse_response import calibrate, impulse_responses
+from sounder.cir.impulse_response import calibrate
 from sounder.cir.power_spectrum import daps
 from sounder.mpc.extract import extract_mpcs
 from sounder.mpc.omnidirectional_pdp import with_synthesis
 from sounder.options import Options
+from sounder.processing.departures import checked_responses
 from sounder.processing.jobs import Job
 from sounder.processing.remarks import remarks_on_position
 from sounder.quality.calibration import check_back_to_back
-from sounder.quality.check import check_responses
-from sounder.quality.quadrature import remarks_on_quadrature
 from sounder.quality.table import read_remarks, tabulate_remarks
 from sounder.recordings.recording import Recording
 from sounder.remark import Remark, doubts, lines
@@ -164,9 +163,7 @@ def process_recording(
     DataError
         No direction of the recording can be used.
     """
-    cir, remarks = impulse_responses(recording, filter_, averaging=options.averaging, threads=threads)
-    cir, remarks = check_responses(cir, recording, filter_, remarks, trust_all=options.trust_all)
-    remarks += remarks_on_quadrature(cir["cir"].values, filter_)
+    cir, remarks = checked_responses(recording, filter_, options, threads=threads)
     distance = float(np.linalg.norm(recording.tx_position - recording.rx_position))
     arbitrary = recording.sounder.clock.start == "arbitrary"
     if arbitrary:

@@ -1,6 +1,7 @@
 """Content and data quality of a recording or a back-to-back recording, as labelled lines."""
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
@@ -15,14 +16,15 @@ from sounder.recordings.recording import CLIPPED_SHARE, BackToBack, Recording, c
 def describe_recording(recording: Recording) -> Lines:
     """Describe a recording. All its samples are read."""
     levels, zeros, clipped = [], 0, 0
-    for a, e in np.argwhere(recording.valid):
-        captures = recording.captures(int(a), int(e))
+    beams = recording.departures
+    for beam, (a, e) in product(beams, np.argwhere(recording.valid)):
+        captures = beam.captures(int(a), int(e))
         power = np.mean(np.abs(captures.astype(np.complex64 if captures.dtype.kind == "c" else np.float32)) ** 2)
         if power == 0:
             zeros += 1
             continue
         parts = 1 if captures.dtype.kind == "c" else 2  # I and Q apart: the mean is over twice as many numbers
-        levels.append(10 * np.log10(power * parts) - recording.agc_gain[a, e])
+        levels.append(10 * np.log10(power * parts) - beam.agc_gain[a, e])
         clipped += clipped_share(captures) > CLIPPED_SHARE
     scale = 20 * np.log10(recording.scale_factor)
     health = [
@@ -35,7 +37,8 @@ def describe_recording(recording: Recording) -> Lines:
         ("position", recording.name),
         ("line of sight", line_of_sight(recording.los)),
         *describe_sounder(recording.sounder),
-        ("directions", f"{recording.azimuth.size} azimuths x {recording.elevation.size} elevations"),
+        ("directions", _directions(recording.azimuth.size, recording.elevation.size)),
+        *[("TX directions", _directions(recording.tx_azimuth.size, recording.tx_elevation.size)) for _ in beams[1:2]],
         ("snapshots", f"{recording.snapshots} per direction"),
         ("TX position", metres(recording.tx_position)),
         ("RX position", metres(recording.rx_position)),
@@ -45,6 +48,10 @@ def describe_recording(recording: Recording) -> Lines:
         ),
         ("health", ", ".join(health)),
     ]
+
+
+def _directions(azimuths: int, elevations: int) -> str:
+    return f"{azimuths} azimuths x {elevations} elevations"
 
 
 def describe_positions(recordings: Sequence[Recording]) -> tuple[Lines, list[str], list[list[str]]]:

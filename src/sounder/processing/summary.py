@@ -23,6 +23,8 @@ from sounder.remark import lines as remark_lines
 Table = tuple[Sequence[str], Iterable[Sequence[object]]]
 """Header and rows."""
 
+DEPARTURE = "departure_azimuth"
+"""Column of MPCs of a double-directional scan."""
 HEADER = ("what", "value")
 MAX_DESCRIBED_IN_FULL = 3
 """Positions of a file that are described in full; more are described in a line each. Chosen; not derived."""
@@ -155,6 +157,7 @@ def _product(file: Group) -> Lines:
             ("TX position", metres(file.dataset("tx_position").numbers()[0])),
             ("RX position", metres(file.dataset("rx_position").numbers()[0])),
             ("directions", f"{daps.dataset('azimuth').size} azimuths x {daps.dataset('elevation').size} elevations"),
+            *_tx_directions(daps),
             ("noise floor", f"{np.nanmedian(daps.dataset('noise_floor').numbers()):.1f} dB (median over directions)"),
             ("MPCs", str(mpc.dataset("delay").size)),
             (
@@ -187,7 +190,16 @@ def _strongest(mpc: Group) -> str:
     if not mpc.dataset("delay").size:
         return "none"
     delay, azimuth, gain = (float(mpc.dataset(name).numbers()[0]) for name in ("delay", "azimuth", "path_gain"))
-    return f"{delay * 1e9:.2f} ns, azimuth {azimuth:.1f} degree, path gain {gain:.1f} dB"
+    left = f" from {float(mpc.dataset(DEPARTURE).numbers()[0]):.1f} at departure" if DEPARTURE in mpc else ""
+    return f"{delay * 1e9:.2f} ns, azimuth {azimuth:.1f} degree{left}, path gain {gain:.1f} dB"
+
+
+def _tx_directions(daps: Group) -> Lines:
+    """How many directions the transmit antenna was pointed at, where these are several."""
+    if "tx_azimuth" not in daps:
+        return []
+    sizes = [daps.dataset(f"tx_{axis}").size for axis in ("azimuth", "elevation")]
+    return [("TX directions", f"{sizes[0]} azimuths x {sizes[1]} elevations")]
 
 
 def _other(file: Group) -> Lines | None:

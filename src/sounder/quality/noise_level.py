@@ -34,6 +34,7 @@ def noise_power(daps: xr.Dataset, deembedding: Deembedding, recording: Recording
     template = np.fft.fft(held_template(recording.sounder.sent))
     gain = np.mean(np.abs(template * deembedding.transfer) ** 2)
     quiet = float(np.nanquantile(daps["noise_floor"].values, QUIET))
+    quiet -= daps.attrs.get("departure_noise", 0.0)
     samples = quiet - 10 * np.log10(gain / recording.snapshots)
     return float(samples + 20 * np.log10(recording.scale_factor))
 

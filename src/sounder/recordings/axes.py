@@ -1,6 +1,8 @@
 """Axes of a foreign file: their lengths, the grid of directions, and values for each direction."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -9,35 +11,79 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from erm.common.gate.plain import Rows
+from erm.common.gate.plain import Apart, Rows
 from sounder.recordings.foreign_file import ForeignFile
 from sounder.recordings.layout import Layout, Samples
 
-SCAN_AXES = ("position", "azimuth", "elevation", "direction")
+DIRECTIONS = ("tx_azimuth", "tx_elevation", "azimuth", "elevation")
+"""Axes along which captures were made in different directions."""
+SCAN_AXES = ("position", *DIRECTIONS)
 """Axes along which captures were made at different places or in different directions."""
 
 
-def grid(
-    file: ForeignFile, layout: Layout
-) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Azimuths and elevations in ascending order [degree], and the index of each in the file."""
-    azimuth = file.angles(layout.grid.azimuth, "grid.azimuth")
-    elevation = file.angles(layout.grid.elevation, "grid.elevation")
+@dataclass(frozen=True)
+class Grid:
+    """Directions of a scan at both ends: angles in ascending order [degree], and the index of each in the file."""
+
+    angles: dict[str, NDArray[np.float64]]
+    order: dict[str, NDArray[np.intp]]
+
+    @property
+    def lengths(self) -> dict[str, int]:
+        """Number of angles along each axis of `DIRECTIONS`."""
+        return {axis: self.angles[axis].size for axis in DIRECTIONS}
+
+
+def grid(file: ForeignFile, layout: Layout) -> Grid:
+    """Directions of a scan, by the layout."""
+    angles, order = {}, {}
+    for prefix in ("tx_", ""):
+        names = f"{prefix}azimuth", f"{prefix}elevation"
+        found = _angles(file, layout, *names)
+        for name, values in zip(names, found, strict=True):
+            order[name] = np.argsort(values)
+            angles[name] = values[order[name]]
+    return Grid(angles, order)
+
+
+def _angles(
+    file: ForeignFile, layout: Layout, azimuth_name: str, elevation_name: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Azimuths and elevations of one end as the file orders them [degree]."""
+    azimuth, elevation = (
+        file.angles(getattr(layout.grid, name), f"grid.{name}") for name in (azimuth_name, elevation_name)
+    )
     if layout.grid.azimuth_convention == "compass":
         azimuth = 90.0 - azimuth
     if layout.grid.elevation_convention == "zenith":
-        elevation = 90.0 - elevation
-    azimuth = azimuth % 360
+        elevation = 90.0 - elevation if elevation_name in layout.grid.model_fields_set else elevation
+    azimuth = within_one_turn(azimuth)
     if np.abs(elevation).max() > 90:
         raise DataError(
-            f"{file.path}: grid.elevation is outside -90 to 90 degrees above the horizon; for zenith angles set "
+            f"{file.path}: grid.{elevation_name} is outside -90 to 90 degrees above the horizon; for zenith angles set "
             'elevation_convention = "zenith"'
         )
-    by_azimuth, by_elevation = np.argsort(azimuth), np.argsort(elevation)
     if np.unique(azimuth).size < azimuth.size or np.unique(elevation).size < elevation.size:
         raise DataError(f"{file.path}: the grid lists a direction twice; list each azimuth and elevation once")
-    order = (by_azimuth[:, None], by_elevation[None, :])
-    return azimuth[by_azimuth], elevation[by_elevation], order
+    return azimuth, elevation
+
+
+def within_one_turn(azimuth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Azimuths of a sector or a circle, so that neighbours are neighbours in ascending order [degree].
+
+    They are from 0 to 360, unless the widest gap between two of them is elsewhere than at 0: those after it are then
+    negative.
+
+    Examples
+    --------
+    >>> within_one_turn(np.array([350.0, 0.0, 10.0, -20.0])).tolist()
+    [-10.0, 0.0, 10.0, -20.0]
+    """
+    turned = azimuth % 360
+    ascending = np.unique(turned)
+    gaps = np.diff(ascending, prepend=ascending[-1] - 360)
+    first = ascending[np.argmax(gaps)]
+    return np.where(turned < first, turned, turned - 360) if first != ascending[0] else turned
 
 
 def lengths(file: ForeignFile, block: Samples, known: Mapping[str, int] | None = None) -> dict[str, int]:
@@ -53,13 +99,15 @@ def lengths(file: ForeignFile, block: Samples, known: Mapping[str, int] | None =
     node = file.node(block.dataset)
     if block.flat:
         found = _lengths_of_row(file, block, node.shape, known or {})
-    elif node.ndim != len(block.axes):
+    elif node.ndim != len(block.along):
         raise DataError(
-            f"{file.path}: {block.dataset} has {node.ndim} axes {node.shape}, but the layout names {len(block.axes)}: "
-            f"{', '.join(block.axes)}"
+            f"{file.path}: {block.dataset} has {node.ndim} axes {node.shape}, but the layout names {len(block.along)}: "
+            f"{', '.join(' * '.join(group) for group in together(block))}"
         )
     else:
-        found = dict(zip(map(str, block.axes), node.shape, strict=True))
+        found = {}
+        for group, length in zip(together(block), node.shape, strict=True):
+            found |= _lengths_along(file, block, group, length, known or {})
     if block.imaginary is not None and (other := file.node(block.imaginary).shape) != node.shape:
         raise DataError(f"{file.path}: {block.dataset} has shape {node.shape}, but {block.imaginary} has {other}")
     if (node.dtype.kind in "biuf") != (block.imaginary is not None or "iq" in block.axes):
@@ -70,6 +118,30 @@ def lengths(file: ForeignFile, block: Samples, known: Mapping[str, int] | None =
     if found.get("iq", 2) != 2:
         raise DataError(f"{file.path}: axis iq of {block.dataset} has length {found['iq']}; expected 2 (I, Q)")
     return found
+
+
+def together(block: Samples) -> list[list[str]]:
+    """Names of the axes along each axis of the dataset."""
+    axes = iter(map(str, block.axes))
+    return [list(islice(axes, count)) for count in block.along]
+
+
+def _lengths_along(
+    file: ForeignFile, block: Samples, group: Sequence[str], length: int, known: Mapping[str, int]
+) -> dict[str, int]:
+    """Lengths of the axes that lie along one of the dataset: those known, and one that follows."""
+    if len(group) == 1:
+        return {group[0]: length}
+    found = {axis: known[axis] for axis in group if axis in known}
+    unknown, each = [axis for axis in group if axis not in found], prod(found.values())
+    if len(unknown) > 1 or length % each or (not unknown and length != each):
+        raise DataError(
+            f"{file.path}: {block.dataset} has {length} captures along {' * '.join(group)}, but the grid has "
+            f"{' x '.join(str(number) for number in found.values())} values; expected "
+            f"{'one unknown length and a multiple of ' if unknown else ''}{each}"
+        )
+    found |= dict.fromkeys(unknown, length // each)
+    return {axis: found[axis] for axis in group}
 
 
 def _lengths_of_row(
@@ -103,30 +175,27 @@ def _lengths_of_row(
 
 
 def node_of(file: ForeignFile, block: Samples, name: str, shape: Mapping[str, int]) -> Any:
-    """Dataset of a block with the axes of the layout, those of a row of samples included."""
+    """Dataset of a block with the axes of the layout, those that lie along one of the dataset apart."""
     node = file.node(name)
     if not block.flat:
-        return node
+        apart = [tuple(shape[axis] for axis in group) for group in together(block)]
+        return node if len(apart) == len(shape) else Apart(node, tuple(apart))
     row = np.asarray(node[()]).squeeze() if node.ndim > 1 + ("iq" in block.axes) else node
     full = [length for axis, length in shape.items() if axis != "iq"]
     return Rows(row, tuple(full), block.start, block.stride or full[-1])
 
 
 def require_lengths(
-    path: Path, block: Samples, shape: Mapping[str, int], directions: tuple[int, int], samples: int
+    path: Path, block: Samples, shape: Mapping[str, int], directions: Mapping[str, int], samples: int
 ) -> None:
     """Check the lengths of the axes against the grid, and against the capture if another axis has its length."""
     order = (
         f"{block.dataset} is {tuple(shape.values())}, read as {', '.join(shape)}; "
         "list captures.axes in the order in which the file stores them"
     )
-    for axis, length in zip(("azimuth", "elevation"), directions, strict=True):
-        have = shape.get(axis, length if "direction" in shape else 1)
-        if have != length:
+    for axis, length in directions.items():
+        if (have := shape.get(axis, 1)) != length:
             raise DataError(f"{path}: {have} captures along {axis}, but the grid has {length} values; {order}")
-    if "direction" in shape and shape["direction"] != directions[0] * directions[1]:
-        wanted = f"{directions[0]} x {directions[1]}"
-        raise DataError(f"{path}: {shape['direction']} directions, but the grid has {wanted} values; {order}")
     if shape["sample"] != samples and samples in shape.values():
         raise DataError(f"{path}: {shape['sample']} samples per capture, but the sequence has {samples}; {order}")
 
@@ -136,38 +205,31 @@ def each_direction(
     value: Any,
     block: Samples,
     shape: Mapping[str, int],
-    directions: tuple[int, int],
     label: str,
 ) -> NDArray[np.float64]:
     """Expand one number, one for each position, or one for each direction (along the axes of the captures) to the grid.
 
     Returns
     -------
-    array (position, azimuth, elevation)
+    array (position, tx_azimuth, tx_elevation, azimuth, elevation)
     """
     found = file.numbers(value, label).astype(float)
-    axes = [axis for axis in block.axes if axis in SCAN_AXES]
+    groups = [[axis for axis in group if axis in SCAN_AXES] for group in together(block)]
+    axes = [axis for group in groups for axis in group]
     full = [shape[axis] for axis in axes]
-    if found.shape == tuple(length for length in full if length > 1):
+    lengths = [prod(shape[axis] for axis in group) for group in groups if group]
+    if found.shape in [tuple(length for length in each if length > 1) for each in (full, lengths)]:
         found = found.reshape(full)
     elif found.shape == (shape.get("position", 1),) and "position" in axes:
         found = found.reshape([shape[axis] if axis == "position" else 1 for axis in axes])
     elif found.ndim:
         raise DataError(
             f"{file.path}: {label} has shape {found.shape}; expected one number, one for each position, or "
-            f"{tuple(full)} along the axes of the captures, {', '.join(axes)}"
+            f"{tuple(lengths)} along the axes of the captures, {', '.join(' * '.join(g) for g in groups if g)}"
         )
     if not np.isfinite(found).all():
         raise DataError(f"{file.path}: {label} holds NaN or infinite values")
     found = np.broadcast_to(found, full)
-    if "direction" in axes:
-        at = axes.index("direction")
-        split = ["elevation", "azimuth"] if block.slowest == "elevation" else ["azimuth", "elevation"]
-        lengths = [directions[0] if axis == "azimuth" else directions[1] for axis in split]
-        found = found.reshape([*full[:at], *lengths, *full[at + 1 :]])
-        # `axes` is a list of literals, and `split` holds two of these, which the type checker sees as any text.
-        axes[at : at + 1] = split  # type: ignore[assignment]
-    wanted = ("position", "azimuth", "elevation")
-    found = found.transpose([axes.index(axis) for axis in wanted if axis in axes])
-    absent = tuple(i for i, axis in enumerate(wanted) if axis not in axes)
+    found = found.transpose([axes.index(axis) for axis in SCAN_AXES if axis in axes])
+    absent = tuple(i for i, axis in enumerate(SCAN_AXES) if axis not in axes)
     return np.expand_dims(found, absent)

@@ -1,19 +1,19 @@
 """Reader of foreign HDF5 and MATLAB files, by a layout."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
-from sounder.recordings.axes import each_direction, grid, lengths, node_of, require_lengths
+from sounder.recordings.axes import Grid, each_direction, grid, lengths, node_of, require_lengths
 from sounder.recordings.described import described, is_descending, require_same_frequencies
 from sounder.recordings.foreign_file import ForeignFile, foreign_file, opener
 from sounder.recordings.layout import Layout, Samples
-from sounder.recordings.places import places
+from sounder.recordings.places import Place, places
 from sounder.recordings.pulses import correlated, cut_around_peak, ideal_pulse
 from sounder.recordings.recording import BackToBack, Captures, PositionError, Recording, check
 
@@ -48,18 +48,14 @@ def recordings(
     with foreign_file(path, block.files) as file:
         instrument, _ = described(file, layout, sounder)
         descending = is_descending(file, layout.captures.frequency)
-        azimuth, elevation, order = grid(file, layout)
-        directions = (azimuth.size, elevation.size)
-        known = {"sample": instrument.waveform.samples, "direction": azimuth.size * elevation.size}
-        known |= dict(zip(("azimuth", "elevation"), directions, strict=True))
-        shape = lengths(file, block, known)
-        require_lengths(path, layout.captures, shape, directions, instrument.waveform.samples)
+        scan = grid(file, layout)
+        shape = lengths(file, block, {"sample": instrument.waveform.samples, **scan.lengths})
+        require_lengths(path, layout.captures, shape, scan.lengths, instrument.waveform.samples)
         names = [_name(layout, path, p) for p in range(shape.get("position", 1))]
         placed = places(file, layout, names, positions)
         scale = file.scale(layout.scale_factor, "scale_factor")
-        each = (layout.captures, shape, directions)
-        agc = each_direction(file, layout.agc_gain, *each, "agc_gain")
-        times = None if layout.time is None else each_direction(file, layout.time, *each, "time")
+        agc = each_direction(file, layout.agc_gain, block, shape, "agc_gain")
+        times = None if layout.time is None else each_direction(file, layout.time, block, shape, "time")
         inputs = tuple(getattr(file.root, "files", ()))
     file_of_all = opener(path, block.files)
     found: list[Recording | PositionError] = []
@@ -67,24 +63,38 @@ def recordings(
         if isinstance(place, DataError):
             found.append(PositionError(str(place), names[p]))
             continue
-        recording = Recording(
-            name=names[p],
-            source=path,
-            sounder=place.described(instrument),
-            azimuth=azimuth,
-            elevation=elevation,
-            snapshots=shape.get("snapshot", 1),
-            tx_position=place.tx,
-            rx_position=place.rx,
-            scale_factor=scale,
-            agc_gain=agc[p][order],
-            valid=np.ones(directions, bool),
-            los=place.los,
-            time=None if times is None else times[p][order],
-            read=_reader(file_of_all, block, shape, p, order, directions, descending),
-            kind=block.kind,
-            inputs=inputs,
-        )
+
+        def of_departure(a: int, e: int, p: int = p, place: Place = place) -> Recording:
+            beam = (p, scan.order["tx_azimuth"][a], scan.order["tx_elevation"][e])
+            order = np.ix_(scan.order["azimuth"], scan.order["elevation"])
+            azimuth, elevation = scan.angles["azimuth"], scan.angles["elevation"]
+            return Recording(
+                name=names[p],
+                source=path,
+                sounder=place.described(instrument),
+                azimuth=azimuth,
+                elevation=elevation,
+                snapshots=shape.get("snapshot", 1),
+                tx_position=place.tx,
+                rx_position=place.rx,
+                scale_factor=scale,
+                agc_gain=agc[beam][order],
+                valid=np.ones((azimuth.size, elevation.size), bool),
+                los=place.los,
+                time=None if times is None else times[beam][order],
+                read=_reader(file_of_all, block, shape, beam, scan, descending),
+                kind=block.kind,
+                inputs=inputs,
+            )
+
+        recording = of_departure(0, 0)
+        if scan.lengths["tx_azimuth"] * scan.lengths["tx_elevation"] > 1:
+            recording = replace(
+                recording,
+                of_departure=of_departure,
+                tx_azimuth=scan.angles["tx_azimuth"],
+                tx_elevation=scan.angles["tx_elevation"],
+            )
         try:
             check(recording, shape["sample"])
         except DataError as error:
@@ -156,17 +166,19 @@ def _reader(
     opened: Callable[[], ForeignFile],
     block: Samples,
     shape: Mapping[str, int],
-    position: int,
-    order: tuple[NDArray[np.intp], NDArray[np.intp]],
-    directions: tuple[int, int],
+    beam: tuple[int, int, int],
+    scan: Grid,
     descending: bool,
 ) -> Callable[[int, int, slice], Captures]:
-    """Reader of the captures of one direction, by its index in the ascending grid."""
+    """Reader of the captures of one direction, by its index in the ascending grid.
+
+    ``beam`` holds the indices in the file of the position and of the beam of the transmit antenna.
+    """
+    fixed = dict(zip(("position", "tx_azimuth", "tx_elevation"), map(int, beam), strict=True))
 
     def read(azimuth: int, elevation: int, snapshots: slice) -> Captures:
-        a, e = int(order[0][azimuth, 0]), int(order[1][0, elevation])
-        direction = e * directions[0] + a if block.slowest == "elevation" else a * directions[1] + e
-        where = {"position": position, "azimuth": a, "elevation": e, "direction": direction, "snapshot": snapshots}
+        a, e = int(scan.order["azimuth"][azimuth]), int(scan.order["elevation"][elevation])
+        where = {**fixed, "azimuth": a, "elevation": e, "snapshot": snapshots}
         return _captures(opened(), block, shape, where, descending=descending)
 
     return read

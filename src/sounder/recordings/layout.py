@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from sounder.instrument.periodic import with_template
 from sounder.recordings.recording import Kind
 from sounder.toml import Alternatives, NotNegative, Table, read_toml
 
-Axis = Literal["position", "azimuth", "elevation", "direction", "snapshot", "sample", "iq"]
+Axis = Literal["position", "tx_azimuth", "tx_elevation", "azimuth", "elevation", "snapshot", "sample", "iq"]
 SAMPLES = ("delay", "frequency")
 """Other names of the axis ``sample``."""
 
@@ -42,8 +42,10 @@ class Samples(Table):
 
     ``dataset`` holds I and Q along the axis ``iq``, or complex numbers without this axis. If I and Q are two datasets,
     ``dataset`` names I and ``imaginary`` names Q. ``axes`` lists the axes in the order in which the file stores them; a
-    MATLAB 7.3 file stores them in the reverse of the order that MATLAB shows. The axis ``direction`` holds all
-    azimuths and elevations in sequence; ``slowest`` is the one that changes last.
+    MATLAB 7.3 file stores them in the reverse of the order that MATLAB shows. Several may lie along one axis of the
+    dataset, as in ``"snapshot * azimuth * tx_azimuth"``, of which the first changes last; ``direction`` is
+    ``"elevation * azimuth"``, or the other way round if ``slowest`` is azimuth. ``along`` is how many of the axes lie
+    along each of the dataset; it follows from ``axes``.
 
     With ``flat``, ``dataset`` holds all samples in one row, and only ``iq`` may be an axis of its own. The first
     capture begins at the sample ``start``, and captures are ``stride`` samples apart, by default their own length.
@@ -52,15 +54,25 @@ class Samples(Table):
     dataset: str
     imaginary: str | None = None
     axes: tuple[Axis, ...]
+    along: tuple[int, ...] = ()
     slowest: Literal["azimuth", "elevation"] = "elevation"
     flat: bool = False
     start: Annotated[int, Field(ge=0)] = 0
     stride: Annotated[int, Field(ge=1)] | None = None
 
-    @field_validator("axes", mode="before")
+    @model_validator(mode="before")
     @classmethod
-    def _named(cls, axes: Any) -> Any:
-        return ["sample" if axis in SAMPLES else axis for axis in axes] if isinstance(axes, (list, tuple)) else axes
+    def _named(cls, tables: Any) -> Any:
+        axes = tables.get("axes") if isinstance(tables, dict) else None
+        if not isinstance(axes, (list, tuple)) or not all(isinstance(axis, str) for axis in axes):
+            return tables
+        both = ("azimuth", "elevation") if tables.get("slowest") == "azimuth" else ("elevation", "azimuth")
+        if "direction" in axes and set(both) & set(axes):
+            raise ValueError("axes has direction and azimuth or elevation; expected one or the other")
+        parts = [[part.strip() for part in axis.split("*")] for axis in axes]
+        named = [part for group in parts for part in (both if group == ["direction"] else group)]
+        along = [2 if group == ["direction"] else len(group) for group in parts]
+        return {**tables, "axes": ["sample" if axis in SAMPLES else axis for axis in named], "along": along}
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -68,8 +80,6 @@ class Samples(Table):
             raise ValueError("axes lists an axis twice")
         if "sample" not in self.axes:
             raise ValueError("axes has no sample")
-        if "direction" in self.axes and {"azimuth", "elevation"} & set(self.axes):
-            raise ValueError("axes has direction and azimuth or elevation; expected one or the other")
         if self.imaginary is not None and "iq" in self.axes:
             raise ValueError("axes has iq, but imaginary says that I and Q are two datasets")
         last = [axis for axis in self.axes if axis != "iq"][-1]
@@ -106,10 +116,15 @@ class ScanSamples(Samples):
 
 
 class Grid(Table):
-    """Directions of the horn [degree]. A compass azimuth is clockwise from north, a zenith angle is from up."""
+    """Directions of the horn [degree]. A compass azimuth is clockwise from north, a zenith angle is from up.
+
+    ``tx_azimuth`` and ``tx_elevation`` are those of the transmit antenna, where it was turned or has several beams.
+    """
 
     azimuth: Numbers
     elevation: Numbers
+    tx_azimuth: Numbers = (0.0,)
+    tx_elevation: Numbers = (0.0,)
     azimuth_convention: Literal["east_counterclockwise", "compass"] = "east_counterclockwise"
     elevation_convention: Literal["horizon", "zenith"] = "horizon"
 

@@ -1,7 +1,7 @@
 """Raw captures of one position and of the back-to-back connection. Captures are read when they are needed."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -59,6 +59,11 @@ class Recording:
         What the captures are.
     inputs : tuple of Path
         Further files that it is read from.
+    tx_azimuth, tx_elevation : array (tx_azimuth,), (tx_elevation,)
+        Pointing directions of the transmit antenna [degree]; one of each where it was not turned.
+    of_departure : callable or None
+        ``of_departure(tx_azimuth_index, tx_elevation_index)`` returns the recording with this beam of the transmit
+        antenna. Where there are several, the attributes above of each direction are those of the first.
 
     Examples
     --------
@@ -89,6 +94,17 @@ class Recording:
     read: Callable[[int, int, slice], Captures] = field(repr=False)
     kind: Kind = "iq"
     inputs: tuple[Path, ...] = ()
+    tx_azimuth: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1), repr=False)
+    tx_elevation: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1), repr=False)
+    of_departure: "Callable[[int, int], Recording] | None" = field(default=None, repr=False)
+
+    @property
+    def departures(self) -> "list[Recording]":
+        """The recording of each beam of the transmit antenna, azimuth-major; itself where there is one."""
+        if self.of_departure is None:
+            return [self]
+        beams = np.ndindex(self.tx_azimuth.size, self.tx_elevation.size)
+        return [replace(self.of_departure(a, e), sounder=self.sounder) for a, e in beams]
 
     def captures(self, azimuth_index: int, elevation_index: int, snapshots: slice = slice(None)) -> Captures:
         """Read the captures of one direction: int16 (snapshot, sample, iq) or complex64 (snapshot, sample)."""

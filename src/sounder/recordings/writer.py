@@ -38,6 +38,11 @@ def write_recording(recording: Recording, target: Path, *, history: str) -> None
             f"{recording.source}: captures are {recording.kind}; a native recording holds IQ samples; process the file "
             "with its layout instead"
         )
+    if recording.of_departure is not None:
+        raise DataError(
+            f"{recording.source}: the transmit antenna has {len(recording.departures)} beams; a native recording holds "
+            "one; process the file with its layout instead"
+        )
     inputs = [recording.source] if recording.source.is_file() else []
     with atomic_path(target) as temporary, new_hdf5(temporary) as file:
         file.attrs.update(provenance(f"Raw captures of {recording.name}", history, inputs=inputs))

@@ -9,8 +9,9 @@ import pytest
 from sounder.cir.matched_filter import OVERSAMPLING
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.kernels.correlation import avx512_instructions
-from sounder.kernels.extraction.records import ARTEFACT
-from sounder.kernels.extraction.scan_view import ScanView, beam_table, cut_table
+from sounder.kernels.extraction.records import ARRIVAL, ARTEFACT, DEPARTURE
+from sounder.kernels.extraction.scan_view import AntennaView, ScanView, beam_table, cut_table, link_table
+from sounder.mpc.beams import ONE_BEAM
 
 # s[n + order] is the sum (mod 2) of s[n + tap]: one primitive polynomial an order.
 TAPS = {
@@ -118,14 +119,13 @@ def make_view() -> Callable[..., ScanView]:
     ) -> ScanView:
         directions = np.asarray(directions, float)
         noise = np.broadcast_to(noise, len(directions))
-        return ScanView(
-            beams=beam_table(noise, np.where(np.isfinite(noise), noise * 10**1.2, np.inf), directions),
+        arrival = AntennaView(
+            end=ARRIVAL,
+            stride=1,
+            beams=beam_table(directions),
             azimuth_cut=cut_table(pattern.azimuth_cut),
             elevation_cut=cut_table(pattern.elevation_cut),
-            pulse=Hann.table(),
-            matched=Hann.table(3),
-            artefacts=np.empty(0, ARTEFACT),
-            oversampling=OVERSAMPLING,
+            floor=pattern.floor * np.log(10) / 20,
             azimuths=azimuths,
             elevations=elevations,
             full_circle=circle,
@@ -133,13 +133,21 @@ def make_view() -> Callable[..., ScanView]:
             lowest=-27.0,
             highest=27.0,
             beamwidth=9.0,
-            floor=pattern.floor * np.log(10) / 20,
+            azimuth_resolution=5.0,
+            elevation_resolution=9.0,
+        )
+        return ScanView(
+            links=link_table(noise, np.where(np.isfinite(noise), noise * 10**1.2, np.inf)),
+            arrival=arrival,
+            departure=ONE_BEAM.view(end=DEPARTURE, stride=len(directions)),
+            pulse=Hann.table(),
+            matched=Hann.table(3),
+            artefacts=np.empty(0, ARTEFACT),
+            oversampling=OVERSAMPLING,
             amplitude_variance=1 / np.sum(Hann.at(np.arange(-3, 4)) ** 2),
             margin_above=2.0,
             margin_below=4.0,
             delay_resolution=1.1,
-            azimuth_resolution=5.0,
-            elevation_resolution=9.0,
             remainder=0.1,
             sidelobe_remainder=2.0,
             sidelobe_level=10**-1.5,

@@ -98,6 +98,47 @@ class Rows:
         return rows[(slice(None),) * (len(shape) - 1) + (slice(length),)][rest]
 
 
+@dataclass(frozen=True)
+class Apart:
+    """Array of which an axis can hold several, of which the first changes last.
+
+    Attributes
+    ----------
+    node : PlainNumbers, Dataset or array
+    shape : tuple of tuple of int
+        Lengths of the axes that lie along each axis of ``node``.
+
+    Examples
+    --------
+    >>> Apart(np.arange(24).reshape(2, 12), ((2,), (3, 4)))[1, slice(None), 2].tolist()
+    [14, 18, 22]
+    """
+
+    node: Any
+    shape: tuple[tuple[int, ...], ...]
+
+    def __getitem__(self, index: tuple[int | slice, ...]) -> NDArray[Any]:
+        """Read what integers and slices select, one for each axis."""
+        places: list[int | slice | list[int]] = []
+        lengths: list[int] = []
+        parts = iter(index)
+        for along in self.shape:
+            own = [next(parts) for _ in along]
+            chosen = [np.atleast_1d(np.arange(length)[part]) for length, part in zip(along, own, strict=True)]
+            place = np.ravel_multi_index(np.meshgrid(*chosen, indexing="ij"), along).ravel()
+            kept = [each.size for each, part in zip(chosen, own, strict=True) if isinstance(part, slice)]
+            lengths += kept
+            places.append(_as_slice(place) if kept else int(place[0]))
+        return np.asarray(self.node[tuple(places)]).reshape(lengths)
+
+
+def _as_slice(place: NDArray[np.intp]) -> slice | list[int]:
+    """Places as a slice if they are evenly spaced: not every array takes a list."""
+    step = int(place[1] - place[0]) if place.size > 1 else 1
+    even = place.size > 0 and step > 0 and (np.diff(place) == step).all()
+    return slice(int(place[0]), int(place[-1]) + 1, step) if even else place.tolist()
+
+
 def one_piece(shape: tuple[int, ...], index: Any) -> tuple[int, tuple[int, ...], tuple[slice | int, ...]]:
     """Smallest piece in one row that integers and slices select from, up to the first slice.
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from sounder.kernels.compiler.compile import part
 from sounder.kernels.extraction.records import Path
-from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
+from sounder.kernels.extraction.scan_view import AntennaView, pattern, toward
 
 Real = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -57,7 +57,7 @@ class NormalEquations(NamedTuple):
 
 @part
 def fit_angles(
-    view: ScanView,
+    antenna: AntennaView,
     magnitude: Real,
     near: Integers,
     noise: float,
@@ -73,7 +73,7 @@ def fit_angles(
 
     Parameters
     ----------
-    view : ScanView
+    antenna : AntennaView
     magnitude : array (n,)
         Amplitudes of the path, without their phases: those drift from one direction to the next.
     near : array (n,)
@@ -101,7 +101,7 @@ def fit_angles(
        BIT 15, 1975.
     """
     azimuth, elevation = path.azimuth, path.elevation
-    best = _normal_equations(view, magnitude, near, azimuth, elevation, free)
+    best = _normal_equations(antenna, magnitude, near, azimuth, elevation, free)
     damping = 1e-3
     for _ in range(int(max_steps)):
         aa, ee = best.aa * (1.0 + damping), best.ee * (1.0 + damping)
@@ -117,7 +117,7 @@ def fit_angles(
         new_elevation = _within(elevation + free[1] * step_e, bounds[2], bounds[3])
         if new_azimuth == azimuth and new_elevation == elevation:
             break  # held by a bound
-        trial = _normal_equations(view, magnitude, near, new_azimuth, new_elevation, free)
+        trial = _normal_equations(antenna, magnitude, near, new_azimuth, new_elevation, free)
         if trial.cost < best.cost:
             azimuth, elevation, best = new_azimuth, new_elevation, trial
             damping *= 0.1
@@ -172,7 +172,7 @@ def _within(x: float, low: float, high: float) -> float:
 
 @part
 def _normal_equations(
-    view: ScanView,
+    antenna: AntennaView,
     magnitude: Real,
     near: Integers,
     azimuth: float,
@@ -186,7 +186,7 @@ def _normal_equations(
         if near[i] < 0:
             break
         m = magnitude[i]
-        g, slope_a, slope_e = pattern(view, near[i], direction)
+        g, slope_a, slope_e = pattern(antenna, near[i], direction)
         slope_a, slope_e = free[0] * slope_a, free[1] * slope_e
         power += m * m
         inner += g * m

@@ -1,11 +1,11 @@
-"""Delay of a path, and its amplitudes in the beams at that delay, by the matched filter."""
+"""Delay of a path, and its amplitudes in the links at that delay, by the matched filter."""
 
 import math
 
 from sounder.kernels.compiler.compile import part
 from sounder.kernels.extraction.pulse import Cir, match, power, sample, times
-from sounder.kernels.extraction.records import FIT_BEAMS
-from sounder.kernels.extraction.scan_view import ScanView
+from sounder.kernels.extraction.records import ARRIVAL, DEPARTURE, FIT_BEAMS
+from sounder.kernels.extraction.scan_view import AntennaView, ScanView
 from sounder.kernels.extraction.workspace import Workspace
 
 
@@ -47,25 +47,58 @@ def refine_delay(cir: Cir, view: ScanView, work: Workspace, delay: float, step: 
 def _weighted_magnitude(cir: Cir, view: ScanView, work: Workspace, delay: float) -> float:
     first = set_filter(view, work, delay)
     total = 0.0
-    for i in range(FIT_BEAMS):
-        if work.near[i] < 0:
+    for j in range(FIT_BEAMS):
+        if work.near[DEPARTURE, j] < 0:
             break
-        total += work.weight[i] * math.sqrt(power(match(cir, work.near[i], first, work.matched)))
+        for i in range(FIT_BEAMS):
+            if work.near[ARRIVAL, i] < 0:
+                break
+            link = work.near[DEPARTURE, j] * view.departure.stride + work.near[ARRIVAL, i] * view.arrival.stride
+            if not math.isnan(view.links[link].noise):
+                weight = work.weight[DEPARTURE, j] * work.weight[ARRIVAL, i]
+                total += weight * math.sqrt(power(match(cir, link, first, work.matched)))
     return total
 
 
 @part
-def measure_magnitudes(cir: Cir, view: ScanView, work: Workspace, delay: float) -> None:
-    """Magnitude of the path in each beam of the fit, without what noise adds to it on average."""
+def measure_magnitudes(cir: Cir, view: ScanView, antenna: AntennaView, work: Workspace, delay: float) -> None:
+    """Magnitudes of the path in the beams of the fit at one end, without what noise adds to them on average.
+
+    With ``|c_bt| = a g_b g_t``, and the pattern ``g_t`` at the other end known, that of a beam is the least-squares
+    ``m_b = sum_t g_t |c_bt| / sum_t g_t^2``.
+    """
     first = set_filter(view, work, delay)
+    other = 1 - antenna.end
+    stride = view.departure.stride if other == DEPARTURE else view.arrival.stride
     for i in range(FIT_BEAMS):
-        if work.near[i] < 0:
+        if work.near[antenna.end, i] < 0:
             break
-        square = power(match(cir, work.near[i], first, work.matched)) - magnitude_variance(view, work.near[i])
-        work.magnitude[i] = math.sqrt(square) if square > 0.0 else 0.0
+        total = energy = 0.0
+        for j in range(FIT_BEAMS):
+            if work.near[other, j] < 0:
+                break
+            link = work.near[antenna.end, i] * antenna.stride + work.near[other, j] * stride
+            if not math.isnan(view.links[link].noise):
+                square = power(match(cir, link, first, work.matched)) - magnitude_variance(view, link)
+                weight = work.weight[other, j]
+                total += weight * (math.sqrt(square) if square > 0.0 else 0.0)
+                energy += weight * weight
+        work.magnitude[i] = total / energy
 
 
 @part
-def magnitude_variance(view: ScanView, b: int) -> float:
-    """Variance of a path's magnitude in a beam."""
-    return 0.5 * view.amplitude_variance * view.beams[b].noise
+def magnitude_variance(view: ScanView, link: int) -> float:
+    """Variance of a path's magnitude in a link."""
+    return 0.5 * view.amplitude_variance * view.links[link].noise
+
+
+@part
+def combined_variance(view: ScanView, antenna: AntennaView, work: Workspace, link: int) -> float:
+    """Variance of the magnitudes at one end: that in a link over the sum of the squared pattern at the other end."""
+    energy = 0.0
+    for j in range(FIT_BEAMS):
+        if work.near[1 - antenna.end, j] < 0:
+            break
+        weight = work.weight[1 - antenna.end, j]
+        energy += weight * weight
+    return magnitude_variance(view, link) / energy

@@ -1,4 +1,4 @@
-"""Peaks: where the beams hold more than the paths found so far explain.
+"""Peaks: where the links hold more than the paths found so far explain.
 
 The search keeps the maximum of each block of delays, so one round costs what one path touches.
 """
@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from sounder.kernels.compiler.compile import part
 from sounder.kernels.extraction.pulse import Cir, nearest, power, sample
-from sounder.kernels.extraction.records import Path
-from sounder.kernels.extraction.scan_view import ScanView, pattern, toward
+from sounder.kernels.extraction.records import ARRIVAL, Paths
+from sounder.kernels.extraction.scan_view import ScanView, link_gain, toward_path
 from sounder.kernels.extraction.workspace import Workspace
 
 BLOCK = 32
@@ -25,11 +25,11 @@ class Search(NamedTuple):
 
     Attributes
     ----------
-    remainder : array (beam, delay)
+    remainder : array (link, delay)
         Power under which a peak is a remainder of subtracted paths.
-    peak : array (beam, block)
+    peak : array (link, block)
         Highest power over threshold and remainders, 0 if there is none.
-    delay : array (beam, block)
+    delay : array (link, block)
         Its delay.
     envelope : array (tap,)
         Power of a remainder around a path's delay, over that at the delay.
@@ -51,7 +51,7 @@ def new_search(cir: Cir, work: Workspace) -> Search:
 
 @part
 def highest_peak(peak: Real) -> tuple[int, int]:
-    """Beam and block of the highest peak."""
+    """Link and block of the highest peak."""
     best, beam, where = -1.0, 0, 0
     for b in range(peak.shape[0]):
         for block in range(peak.shape[1]):
@@ -64,7 +64,7 @@ def highest_peak(peak: Real) -> tuple[int, int]:
 def search_block(cir: Cir, view: ScanView, search: Search, b: int, block: int) -> None:
     """Find the highest peak of a block again."""
     best, where = 0.0, 0
-    threshold = view.beams[b].threshold
+    threshold = view.links[b].threshold
     end = (block + 1) * BLOCK
     if end > cir.shape[1]:
         end = cir.shape[1]
@@ -77,9 +77,10 @@ def search_block(cir: Cir, view: ScanView, search: Search, b: int, block: int) -
 
 
 @part
-def expect_remainder(view: ScanView, work: Workspace, search: Search, path: Path) -> None:
+def expect_remainder(view: ScanView, work: Workspace, search: Search, path: Paths) -> None:
     """Raise the power under which a peak is a remainder of this path, or a copy that the instrument makes of it."""
-    first = sample(view.pulse, view.oversampling, path.delay, work.pulse)
+    amplitude = path[ARRIVAL].amplitude
+    first = sample(view.pulse, view.oversampling, path[ARRIVAL].delay, work.pulse)
     taps = work.pulse.size
     # A remainder is shaped as the pulse or its derivative, so as wide as the pulse and a sample on either side.
     for i in range(taps):
@@ -88,11 +89,11 @@ def expect_remainder(view: ScanView, work: Workspace, search: Search, path: Path
             height = power(work.pulse[j])
             if height > search.envelope[i]:
                 search.envelope[i] = height
-    direction = toward(path.azimuth, path.elevation)
+    directions = toward_path(path)
     for b in range(search.remainder.shape[0]):
-        g = path.amplitude * pattern(view, b, direction)[0]
+        g = amplitude * link_gain(view, b, directions)
         own = view.remainder * g
-        most = view.sidelobe_level * path.amplitude
+        most = view.sidelobe_level * amplitude
         side = view.sidelobe_remainder * (g if g < most else most)
         _raise(search, b, first, own if own > side else side)
         for copy in range(view.artefacts.size):

@@ -43,17 +43,23 @@ PATH = _record(
 fitted, infinite for one that the beams do not determine. ``azimuth_elevation`` and so on: covariances of these.
 
 ``misfit``: residual power of the magnitudes over that of the noise. ``residual_power``: mean power left around the
-peak. ``beam``: number of the beam in which the path was found. ``beam_gain``: amplitude of that beam's pattern toward
-the path, relative to boresight. ``pattern_energy``: sum of the squared pattern toward the path over the beams of the
-fit.
+peak. ``beam``: number of the link in which the path was found. ``beam_gain``: amplitude of the patterns of that link's
+beams toward the path, relative to boresight. ``pattern_energy``: sum of the squared pattern toward the path over the
+links of the fit.
 
 ``lowest_elevation`` and ``highest_elevation``: bounds of the fit [degree]. ``elevation_spread`` [degree] and
 ``amplitude_spread``: largest differences to other directions that the beams do not exclude. ``search_angles``: whether
 the next fit searches the angles anew.
+
+A path has two such records, of its arrival and of its departure. What is of the path as a whole, such as the delay, is
+in that of the arrival; that of the departure has its angles, and the gain of the departure's beam alone.
 """
+ARRIVAL, DEPARTURE = 0, 1
+"""Ends of a path: places of its records, and of the antennas."""
+LINK = _record(("noise", np.float64), ("threshold", np.float64))
+"""A pair of a beam at departure and a beam at arrival: mean noise power, NaN if it was not recorded; least power of a
+path."""
 BEAM = _record(
-    ("noise", np.float64),
-    ("threshold", np.float64),
     ("azimuth", np.float64),
     ("elevation", np.float64),
     ("cos_azimuth", np.float64),
@@ -61,7 +67,7 @@ BEAM = _record(
     ("cos_elevation", np.float64),
     ("sin_elevation", np.float64),
 )
-"""A beam: mean noise power, NaN if it was not recorded; least power of a path; where it looks [degree]."""
+"""A beam of an antenna: where it looks [degree]."""
 ARTEFACT = _record(("delay", np.float64), ("amplitude", np.float64))
 """A copy that the instrument makes of every path: how much later [sample], and its amplitude at most, relative."""
 TRIAL = _record(
@@ -74,6 +80,6 @@ TRIAL = _record(
 """A direction tried: the fit from there, its squared residuals, and its `sidelobe_check.sidelobe_misfit`."""
 
 FIT_BEAMS = 9
-"""Beams of a fit: the one a path was found in and those around it."""
+"""Beams of a fit at either end: the one a path was found in and those around it."""
 OVERLAP = 6.0
 """Paths closer than this in delay share samples [sample]: three chips of two samples."""

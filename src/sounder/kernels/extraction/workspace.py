@@ -23,10 +23,12 @@ class Workspace(NamedTuple):
     ----------
     pulse, matched, inner : array complex (tap,)
         Samples of the pulse, of the matched filter, and of the pulse under that filter.
-    near : array (beam,)
-        Beams of a fit, ended with -1.
-    weight, magnitude : array (beam,)
-        Their weights in the search for the delay, and the path's magnitudes in them.
+    near : array (2, beam)
+        Beams of a fit at arrival and departure, ended with -1.
+    weight : array (2, beam)
+        Their patterns toward the path.
+    magnitude : array (beam,)
+        The path's magnitudes in those at one end.
     trials : array of `TRIAL` (trial,)
     sidelobes : array (beam, 3)
         Power before a path, at its delay and after it in the beams far from it, -1 in the others [noise power].
@@ -49,9 +51,9 @@ def workspace(view: ScanView) -> Workspace:
         pulse=np.empty(pulse, complex),
         matched=np.empty(matched, complex),
         inner=np.empty(matched, complex),
-        near=np.empty(FIT_BEAMS + 1, np.int64),
-        weight=np.empty(FIT_BEAMS),
+        near=np.empty((2, FIT_BEAMS + 1), np.int64),
+        weight=np.empty((2, FIT_BEAMS)),
         magnitude=np.empty(FIT_BEAMS),
         trials=np.empty(TRIALS, TRIAL),
-        sidelobes=np.empty((len(view.beams), 3)),
+        sidelobes=np.empty((max(view.arrival.beams.size, view.departure.beams.size), 3)),
     )

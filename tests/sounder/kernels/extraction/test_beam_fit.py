@@ -33,7 +33,7 @@ def fit(make_view):
         path["azimuth"], path["elevation"] = start
         near = np.append(np.arange(len(looks)), -1)
         bounds = -20.0, 20.0, -20.0, 20.0
-        view = make_view(PATTERN, looks, 1.0, 3, 3, False)
+        view = make_view(PATTERN, looks, 1.0, 3, 3, False).arrival
         cost = fit_angles(view, np.asarray(magnitude), near, noise, bounds, free, 20.0, path)
         return cost, path
 
@@ -57,7 +57,7 @@ def seen(azimuth, elevation, looks=LOOKS):
 def test_compiled_pattern_is_the_numpy_one(make_view):
     rng = np.random.default_rng(1)
     looks = np.column_stack([rng.uniform(0, 360, 200), rng.uniform(-30, 30, 200)])
-    view = make_view(PATTERN, looks, 1.0, 200, 1, False)
+    view = make_view(PATTERN, looks, 1.0, 200, 1, False).arrival
     for beam, azimuth, elevation in zip(
         range(200), rng.uniform(-360, 360, 200), rng.uniform(-89, 89, 200), strict=True
     ):
@@ -68,7 +68,7 @@ def test_compiled_pattern_is_the_numpy_one(make_view):
 def test_slopes_are_derivatives(make_view):
     rng = np.random.default_rng(2)
     looks = np.column_stack([rng.uniform(0, 360, 50), rng.uniform(-30, 30, 50)])
-    view = make_view(PATTERN, looks, 1.0, 50, 1, False)
+    view = make_view(PATTERN, looks, 1.0, 50, 1, False).arrival
     for beam in range(50):
         azimuth, elevation = looks[beam] + rng.uniform(-8, 8, 2)
         g, *slopes = pattern_toward(view, azimuth, elevation, beam)

@@ -37,9 +37,9 @@ def run(make_view):
         left = beams.astype(np.complex64)
         view = make_view(PATTERN, LOOKS, np.where(np.isfinite(beams[:, 0]), noise, np.nan), 36, 3, True)
         work = workspace(view)
-        found, removed = np.zeros(capacity, PATH), np.zeros((capacity, len(LOOKS)), np.complex64)
+        found, removed = np.zeros((capacity, 2), PATH), np.zeros((capacity, len(LOOKS)), np.complex64)
         count, complete = cancel(left, view, effort, work, new_search(left, work), found, removed)
-        return found[:count], left, complete
+        return found[:count, 0], left, complete
 
     return cancelled
 
