@@ -15,14 +15,14 @@ import numpy as np
 from erm.common.constants import c
 from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.chains import NO_FACE, chain_images
-from erm.geometry.vertical import FloatArray
+from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.mpcs.survey_widths import survey_widths
 from erm.reconstruction.decision.chains import Chains, ChainSearch
 from erm.reconstruction.decision.decide import Decision
 from erm.reconstruction.model.fit import fit_line
-from erm.reconstruction.model.line import Lines
+from erm.reconstruction.model.line import Line, Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
@@ -108,7 +108,7 @@ def bundle_walls(
     corrected = problem.without_errors(decision.walls[0].all_paths, updated) if decision.walls else measured
     for wall, is_certain in zip(decision.walls, certain, strict=False):
         moved = replace(wall, all_paths=corrected)
-        line = lines.line(number) if is_certain else fit_line(moved.paths, wall.line)
+        line = lines.line(number) if is_certain else _fitted_alone(moved.paths, wall.line, found)
         fitted.append(replace(moved, line=line))
         number += int(is_certain)
     if positions.inexact:
@@ -203,10 +203,25 @@ class _Problem:
         rx[:, :2] += change[:, :2]
         length, azimuth = paths.length - change[:, CLOCK], (paths.azimuth - change[:, HEADING]) % 360
         own = self.std[paths.row] * found.scale
-        survey = survey_widths(length, paths.tx[:, 2] - rx[:, 2], azimuth, found.covariance[number])
+        survey = survey_widths(length, paths.tx[:, 2] - rx[:, 2], azimuth, found.own_covariance[number])
         length_std, azimuth_std = np.hypot(own.T, survey)
         moved = replace(paths, rx=rx, length=length, azimuth=azimuth)
         return moved.with_errors(length_std, azimuth_std)
+
+
+def _fitted_alone(paths: Paths, start: Line, found: Bundle) -> Line:
+    """Line of a wall that the adjustment did not hold; all its paths share the errors of common heading and clock."""
+    line = fit_line(paths, start)
+    std = np.sqrt(np.diag(found.common_covariance))
+    if not std.any():
+        return line
+    moved = replace(paths, azimuth=paths.azimuth + std[0]), replace(paths, length=paths.length + std[1])
+    others = [fit_line(one, line).with_pivot(line.pivot) for one in moved]
+    slopes = (
+        np.array([(angle_difference(one.normal, line.normal), one.offset - line.offset) for one in others])
+        / std[:, None]
+    )
+    return line._replace(covariance=line.covariance + slopes.T @ found.common_covariance @ slopes)
 
 
 def _as_fitted(walls: Sequence[Wall], positions: PositionErrors) -> Bundle:
@@ -222,6 +237,7 @@ def _as_fitted(walls: Sequence[Wall], positions: PositionErrors) -> Bundle:
         common_covariance=np.diag(nothing),
         errors=positions.errors,
         covariance=positions.covariance,
+        own_covariance=positions.own_covariance,
         std=np.zeros(3),
         scale=positions.scale,
         residual=np.empty((0, 2)),

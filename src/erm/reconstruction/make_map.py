@@ -11,7 +11,7 @@ from erm.mpcs.options import Threshold
 from erm.reconstruction.model.paths import IntArray
 from erm.reconstruction.rounds import reconstruct_survey
 from erm.survey.bundle import SurveyStd
-from erm.survey.calibration import apply, calibrate
+from erm.survey.calibration import apply, calibrate, refined
 from erm.survey.conventions import contradictions
 from erm.survey.report import attributes
 
@@ -101,5 +101,7 @@ def make_map(
         "as_given": as_given,
     }
     origin = provenance("Reconstructed environment", history, inputs=inputs, options=options)
-    environment.reflectors.attrs.update(origin | attributes(calibration, causes, located, as_given=as_given))
+    environment.reflectors.attrs.update(
+        origin | attributes(refined(calibration, located), causes, located, as_given=as_given)
+    )
     return environment, located

@@ -103,6 +103,8 @@ class Bundle:
     errors : array (position, 4)
         Errors of east, north [m], heading [degree] and clock [m] of each position, the common ones included.
     covariance : array (position, 4, 4)
+    own_covariance : array (position, 4, 4)
+        Without the common errors, which move walls and not paths against each other.
     std : array (3,)
         Standard deviations of coordinates [m], heading [degree] and clock [m], as given or as estimated.
     scale : array (2,)
@@ -117,6 +119,7 @@ class Bundle:
     common_covariance: FloatArray
     errors: FloatArray
     covariance: FloatArray
+    own_covariance: FloatArray
     std: FloatArray
     scale: FloatArray
     residual: FloatArray
@@ -321,13 +324,15 @@ def _result(problem: _Problem, state: _State, solution: Solution, value: FloatAr
     added = sparse.lil_array((BLOCK * problem.positions, problem.shared))
     if problem.common:
         added[HEADING::BLOCK, faces] = added[CLOCK::BLOCK, faces + 1] = 1.0
+    in_units = solution.scaled(by_error(state.std))
     return Bundle(
         faces=state.faces,
         face_covariance=covariance[:faces, :faces].reshape(problem.faces, 2, problem.faces, 2),
         common=state.common,
         common_covariance=covariance[faces:, faces:] if problem.common else np.zeros((2, 2)),
         errors=state.errors(),
-        covariance=solution.scaled(by_error(state.std)).block_covariance(added.tocsr()),
+        covariance=in_units.block_covariance(added.tocsr()),
+        own_covariance=in_units.block_covariance(),
         std=state.std,
         scale=state.scale,
         residual=value / state.scale,

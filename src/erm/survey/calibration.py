@@ -5,7 +5,7 @@ without; whatever remains uncertain is told by attributes of the mended table.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -167,6 +167,18 @@ def calibrate(table: "xr.Dataset") -> Calibration:
         direct_paths=int(np.count_nonzero(likely)),
         images=fit.images,
     )
+
+
+def refined(calibration: Calibration, located: "xr.Dataset") -> Calibration:
+    """Heading and clock as the adjustment of walls and positions found them (`PositionErrors.described`), if it did."""
+    if "adjusted_heading" not in located.attrs:
+        return calibration
+    single = {"heading": located.attrs["azimuth_std"], "clock": located.attrs["delay_std"]}
+    values = {name: located.attrs[f"adjusted_{name}"] for name in single}
+    stds = {name: located.attrs[f"adjusted_{name}_std"] for name in single}
+    covariance = np.diag([stds["heading"], stds["clock"], calibration.std("gain")]) ** 2
+    ambiguous = tuple(name for name in calibration.ambiguous if name not in single or stds[name] > single[name])
+    return replace(calibration, **values, covariance=covariance, ambiguous=ambiguous)
 
 
 class _Start(NamedTuple):

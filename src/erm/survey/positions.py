@@ -40,6 +40,8 @@ class PositionErrors:
         True minus surveyed east and north [m], measured minus true heading [degree] and clock [m].
     covariance : array (position, 4, 4)
         Of the true errors about these.
+    own_covariance : array (position, 4, 4)
+        Without the errors that all positions share: paths off one wall agree whatever these are.
     given : SurveyStd
         Standard deviations of the errors that are known.
     common : bool
@@ -48,19 +50,20 @@ class PositionErrors:
         Whether the table gives all standard errors of delays and azimuths.
     scale : array (2,)
         Factors of these standard errors.
-    adjusted : bool
-        Whether an adjustment of faces has estimated them.
+    adjusted : Bundle, optional
+        The adjustment of faces that has estimated them.
     """
 
     number: IntArray
     first: IntArray
     errors: FloatArray
     covariance: FloatArray
+    own_covariance: FloatArray
     given: SurveyStd
     common: bool
     errors_known: bool
     scale: FloatArray
-    adjusted: bool = False
+    adjusted: Bundle | None = None
 
     @classmethod
     def none(cls, table: "xr.Dataset", given: SurveyStd, *, common: bool = False) -> "PositionErrors":
@@ -70,7 +73,7 @@ class PositionErrors:
         variance = np.square(by_error(np.array([std or 0.0 for std in given.known()])))
         covariance = np.tile(np.diag(variance), (len(first), 1, 1))
         known = bool(table["errors_known"].values.all())
-        return cls(number, first, np.zeros((len(first), 4)), covariance, given, common, known, np.ones(2))
+        return cls(number, first, np.zeros((len(first), 4)), covariance, covariance, given, common, known, np.ones(2))
 
     @property
     def inexact(self) -> bool:
@@ -79,8 +82,14 @@ class PositionErrors:
 
     def updated(self, found: Bundle) -> "PositionErrors":
         """Errors that an adjustment of faces found."""
-        errors, covariance, scale = found.errors, found.covariance, found.scale
-        return replace(self, errors=errors, covariance=covariance, scale=scale, adjusted=True)
+        return replace(
+            self,
+            errors=found.errors,
+            covariance=found.covariance,
+            own_covariance=found.own_covariance,
+            scale=found.scale,
+            adjusted=found,
+        )
 
     def restarted(self, found: Restarted) -> "PositionErrors":
         """The errors of a new start where they are a thousand times more likely.
@@ -90,9 +99,13 @@ class PositionErrors:
         """
         new = found.log_odds > THOUSAND_TO_ONE
         other = expit(np.where(new, -found.log_odds, found.log_odds))
-        covariance = np.where(new[:, None, None], found.covariance, self.covariance)
-        covariance = covariance + other[:, None, None] * found.apart[:, :, None] * found.apart[:, None, :]
-        return replace(self, errors=np.where(new[:, None], found.errors, self.errors), covariance=covariance)
+        added = other[:, None, None] * found.apart[:, :, None] * found.apart[:, None, :]
+        covariance, own = (
+            np.where(new[:, None, None], found.covariance, before) + added
+            for before in (self.covariance, self.own_covariance)
+        )
+        errors = np.where(new[:, None], found.errors, self.errors)
+        return replace(self, errors=errors, covariance=covariance, own_covariance=own)
 
     def corrected(self, table: "xr.Dataset") -> "xr.Dataset":
         """Remove the errors from a table, and tell by how much the rest widens the errors of its MPCs.
@@ -102,14 +115,14 @@ class PositionErrors:
         errors = self.errors[self.number]
         rx = table["rx_position"].values.copy()
         rx[:, :2] += errors[:, :2]
-        length_std, azimuth_std = _widths(table, self.covariance[self.number])
+        length_std, azimuth_std = _widths(table, self.own_covariance[self.number])
         return table.assign(
             rx_position=(("mpc", "xyz"), rx, table["rx_position"].attrs),
             delay=("mpc", table["delay"].values - errors[:, CLOCK] / c, table["delay"].attrs),
             azimuth=("mpc", (table["azimuth"].values - errors[:, HEADING]) % 360, table["azimuth"].attrs),
             delay_std=("mpc", table["delay_std"].values * self.scale[0], table["delay_std"].attrs),
             azimuth_std=("mpc", table["azimuth_std"].values * self.scale[1], table["azimuth_std"].attrs),
-            errors_known=("mpc", table["errors_known"].values | self.adjusted),
+            errors_known=("mpc", table["errors_known"].values | (self.adjusted is not None)),
             survey_delay_std=("mpc", length_std / c, {"units": "s"}),
             survey_azimuth_std=("mpc", azimuth_std, {"units": "degree"}),
         )
@@ -118,11 +131,21 @@ class PositionErrors:
         """Return a table with its positions without their errors, and these, along ``survey_position``.
 
         Attributes ``heading_error`` and ``clock_error``, what a calibration removed before, are added to the errors.
+        Attributes ``adjusted_heading`` [degree] and ``adjusted_clock`` [s] with ``_std`` are the errors that all
+        positions share, if the adjustment showed them.
         """
         std = np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
         rows = ("survey_position",)
         heading, clock = (table.attrs.get(f"{name}_error", 0.0) for name in ("heading", "clock"))
         unit = np.array([1.0, 1.0, 1.0, 1 / c])
+        if self.adjusted is not None and self.common:
+            shared, shared_std = self.adjusted.common, np.sqrt(np.diag(self.adjusted.common_covariance))
+            table = table.assign_attrs(
+                adjusted_heading=float(shared[0] + heading),
+                adjusted_heading_std=float(shared_std[0]),
+                adjusted_clock=float(shared[1] / c + clock),
+                adjusted_clock_std=float(shared_std[1] / c),
+            )
         return table.assign(
             survey_name=(rows, table["position"].values[self.first].astype(object)),
             survey_rx=((*rows, "xyz"), table["rx_position"].values[self.first], {"units": "m"}),
@@ -177,7 +200,7 @@ def from_direct_paths(table: "xr.Dataset", given: SurveyStd, *, common: bool = F
         np.empty((len(rows), 0), dtype=np.int64),
     )
     found = adjust(paths, NO_FACES, len(start.first), given, common=common)
-    return replace(start, errors=found.errors, covariance=found.covariance)
+    return replace(start, errors=found.errors, covariance=found.covariance, own_covariance=found.own_covariance)
 
 
 def _widths(table: "xr.Dataset", covariance: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -61,7 +61,7 @@ def test_a_covariance_holds_both_of_two_likely_places():
     none = np.zeros((2, 4))
     apart = np.array([[1.0, 0.0, 0.0, 0.0]] * 2)
     small = np.tile(1e-4 * np.eye(4), (2, 1, 1))
-    last = PositionErrors(np.arange(2), np.arange(2), none, small, SurveyStd(), False, True, np.ones(2))
+    last = PositionErrors(np.arange(2), np.arange(2), none, small, small, SurveyStd(), False, True, np.ones(2))
     found = last.restarted(Restarted(none + apart, small, np.array([0.0, 20.0]), apart))
     np.testing.assert_allclose(found.errors, [[0, 0, 0, 0], [1, 0, 0, 0]])  # one as likely as the other; a new one
     np.testing.assert_allclose(found.covariance[:, 0, 0], [0.5001, 1e-4], rtol=1e-4)
