@@ -62,6 +62,12 @@ class Code(Enum):
         unit="dB",
         leaves_out=True,
     )
+    UNSETTLED = Meaning(
+        "other directions have slipped, and this one has no path at their delays",
+        "left out",
+        unit="sample",
+        leaves_out=True,
+    )
     CLOCK_DRIFT = Meaning("the clock drifts over the scan", "removed", unit="ns", fails=False)
     GAIN_SIGN = Meaning(
         "noise floors agree with receiver gains of the opposite sign only", "the sign is changed", unit="dB"

@@ -5,6 +5,7 @@ does not stop a campaign.
 """
 
 import csv
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ import numpy.typing as npt
 
 from erm.common.constants import FARTHEST, SAME_PLACE, c
 from erm.common.errors import DataError
+from erm.common.significance import CERTAIN
 from erm.common.storage import atomic_path, number_in, open_group
 from erm.common.text_files import read_table
 from erm.mpcs.standard_errors import UNKNOWN_GAIN_STD
@@ -60,7 +62,7 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
     import xarray as xr
 
     files = list(map(Path, paths))
-    trusted = _shared_doubts(files)
+    trusted, doubted = _shared_doubts(files)
     tables, problems, seen = [], [], set()
     known: set[bytes] = set()
     for path in files:
@@ -69,7 +71,7 @@ def read_mpcs(paths: Iterable[Path | str]) -> tuple["xr.Dataset", list[str]]:
             continue
         seen.add(path.resolve())
         try:
-            table, broken = read_csv(path) if path.suffix.lower() == ".csv" else read_product(path, trusted)
+            table, broken = read_csv(path) if path.suffix.lower() == ".csv" else read_product(path, trusted, doubted)
         except DataError as error:
             problems.append(str(error))
             continue
@@ -91,17 +93,23 @@ FEWEST_SHARED = 3
 """Fewest products that can share a doubt."""
 
 
-def _shared_doubts(paths: Iterable[Path]) -> list[str]:
-    """What most products mark as doubtful."""
+def _shared_doubts(paths: Iterable[Path]) -> tuple[list[str], list[str]]:
+    """What most products mark as doubtful, which is trusted, and what they make doubtful only together."""
     doubts = []
+    evidence: Counter[int] = Counter()
     for path in paths:
         try:
-            doubts += [] if path.suffix.lower() == ".csv" else [str(open_group(path).attrs.get("doubts", "")).split()]
+            attributes = {} if path.suffix.lower() == ".csv" else open_group(path).attrs
         except DataError:  # told by the reader
             continue
+        if attributes:
+            doubts.append(str(attributes.get("doubts", "")).split())
+            ratios = np.ravel(attributes.get("shared_evidence", 0.0))
+            evidence.update(dict(enumerate(ratios.tolist())) if ratios.dtype.kind == "f" else {})
+    together = ["position"] if max(evidence.values(), default=0.0) > CERTAIN else []
     if len(doubts) < FEWEST_SHARED:
-        return []
-    return [name for name in SHARED_DOUBTS if sum(name in each for each in doubts) > len(doubts) / 2]
+        return [], together
+    return [name for name in SHARED_DOUBTS if sum(name in each for each in doubts) > len(doubts) / 2], together
 
 
 def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
@@ -153,7 +161,9 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     return table, unknown + problems
 
 
-def read_product(path: Path | str, trusted: Iterable[str] = ()) -> tuple["xr.Dataset", list[str]]:
+def read_product(
+    path: Path | str, trusted: Iterable[str] = (), doubted: Iterable[str] = ()
+) -> tuple["xr.Dataset", list[str]]:
     """Read the MPCs of one product of ``sounder process``.
 
     Its attribute ``doubts`` names what the checks of the recording made doubtful. A doubtful gain gets a large standard
@@ -165,6 +175,8 @@ def read_product(path: Path | str, trusted: Iterable[str] = ()) -> tuple["xr.Dat
         The file.
     trusted : iterable of str
         What is used although it is doubtful.
+    doubted : iterable of str
+        What is doubtful although the product does not say so.
 
     Returns
     -------
@@ -198,14 +210,16 @@ def read_product(path: Path | str, trusted: Iterable[str] = ()) -> tuple["xr.Dat
     columns |= {end: np.ravel(root[end].values) for end in ("tx_position", "rx_position")}
     columns |= {"position": str(names[0]), "los": line_of_sight(root, path)}
     table = make_table(columns | {"frequency": number_in(root, "frequency", path)})
-    doubts = [name for name in str(root.attrs.get("doubts", "")).split() if name not in trusted]
+    marked = [*str(root.attrs.get("doubts", "")).split(), *doubted]
+    doubts = list(dict.fromkeys(name for name in marked if name not in trusted))
     if "path_gain" in doubts:
         table["path_gain_std"][:] = UNKNOWN_GAIN_STD
     if "elevation" in doubts:
         for name in ("elevation", "elevation_std", "gain_slope", "gain_curvature"):
             table[name][:] = np.nan
     doubtful = bool({"delay", "azimuth", "position"} & set(doubts))
-    rule = f"the product marks {' and '.join(doubts)} as doubtful; see sounder info, or process with --trust-all"
+    who = "the products together mark" if set(doubts) <= set(doubted) else "the product marks"
+    rule = f"{who} {' and '.join(doubts)} as doubtful; see sounder info, or process with --trust-all"
     return _checked(table, path, {rule: np.full(table.sizes["mpc"], doubtful)}, None)
 
 

@@ -4,12 +4,11 @@ import numpy as np
 import xarray as xr
 
 from erm.common.constants import c
+from erm.common.significance import FALSE_ALARM
 from sounder.cir.power_spectrum import noise_power
 
 DYNAMIC_RANGE = 25.0
 """How far the first arrival may be below the strongest path [dB]: the dynamic range of the threshold of NYU."""
-FALSE_ALARM = 1e-3
-"""Probability that noise of a beam passes for an arrival; chosen."""
 
 
 def place_first_arrival(cir: xr.Dataset, distance: float) -> xr.Dataset:

@@ -7,7 +7,7 @@ from sounder.cir.deembedding import Deembedding
 from sounder.cir.impulse_response import impulse_responses
 from sounder.options import Options
 from sounder.quality.check import check_responses
-from sounder.quality.quadrature import remarks_on_quadrature
+from sounder.quality.quadrature import quadrature_evidence, remarks_on_quadrature
 from sounder.recordings.recording import Recording
 from sounder.remark import Remark
 
@@ -36,7 +36,9 @@ def checked_responses(
     -------
     cir : xarray.Dataset
         From :func:`sounder.quality.check.check_responses`. Where the transmit antenna has several beams, all but
-        ``delay_std`` have the axes ``tx_azimuth`` and ``tx_elevation`` before those of the receive antenna.
+        ``delay_std`` have the axes ``tx_azimuth`` and ``tx_elevation`` before those of the receive antenna. Attribute
+        ``evidence``: that of :func:`sounder.quality.quadrature.quadrature_evidence`, the mean over the scans, which
+        see the same paths.
     remarks : list of Remark
         Each once, whichever beam it is of.
 
@@ -51,9 +53,11 @@ def checked_responses(
         cir, found = impulse_responses(scan, filter_, averaging=options.averaging, threads=threads)
         cir, found = check_responses(cir, scan, filter_, found, trust_all=options.trust_all)
         scans.append(cir)
-        remarks |= dict.fromkeys([*found, *remarks_on_quadrature(cir["cir"].values, filter_)])
+        remarks |= dict.fromkeys(found)
+    evidence = np.mean([quadrature_evidence(cir["cir"].values, filter_) for cir in scans], axis=0).tolist()
+    remarks |= dict.fromkeys(remarks_on_quadrature([evidence]))
     if recording.of_departure is None:
-        return scans[0], list(remarks)
+        return scans[0].assign_attrs(evidence=evidence), list(remarks)
     angles = {axis: (axis, getattr(recording, axis), attrs) for axis, attrs in TX_AXES.items()}
     shape = {axis: values[1].size for axis, values in angles.items()}
     joined = {
@@ -64,5 +68,5 @@ def checked_responses(
         )
         for name, variable in scans[0].data_vars.items()
     }
-    attrs = scans[0].attrs | {"drift_std": max(cir.attrs["drift_std"] for cir in scans)}
+    attrs = scans[0].attrs | {"drift_std": max(cir.attrs["drift_std"] for cir in scans), "evidence": evidence}
     return xr.Dataset(joined, {**angles, **scans[0].coords}, attrs), list(remarks)

@@ -13,6 +13,7 @@ from sounder.kernels.compiler.machine import processors
 from sounder.options import Options
 from sounder.processing.jobs import Job, merge_failures
 from sounder.processing.position import FilterCache, Outcome, existing_product, process_position
+from sounder.quality.quadrature import remarks_on_quadrature
 from sounder.recordings.recording import Recording
 
 
@@ -186,8 +187,20 @@ def process(
     failures = [(failure, source) for part, source in zip(ordered, sources, strict=True) for failure in part.failures]
     return Outcome(
         products=[product for part in ordered for product in part.products],
-        failures=merge_failures(failures, sources),
+        failures=[*merge_failures(failures, sources), *_shared(jobs, ordered)],
         notes=[note for part in ordered for note in part.notes],
         already=sum(part.already for part in ordered),
         internal=any(part.internal for part in ordered),
     )
+
+
+def _shared(jobs: Sequence[Job], outcomes: Sequence[Outcome]) -> list[str]:
+    """One line for each back-to-back with a fault that all its positions share, told by none of them alone."""
+    lines = []
+    for b2b in dict.fromkeys(job.b2b.source for job in jobs):
+        of_b2b = [part.evidence for job, part in zip(jobs, outcomes, strict=True) if job.b2b.source == b2b]
+        evidence = [one for one in of_b2b if one]
+        for remark in remarks_on_quadrature(evidence):
+            if not any(remarks_on_quadrature([one]) for one in evidence):
+                lines.append(f"{b2b}: {len(evidence)} positions together: {remark.meaning}: {remark.code.action}")
+    return lines

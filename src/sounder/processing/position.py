@@ -31,6 +31,8 @@ from sounder.remark import Remark, doubts, lines
 
 FIRST_ARRIVAL = "first arrival, placed at the distance of the antennas"
 """What delays refer to without a common clock."""
+EVIDENCE = "shared_evidence"
+"""Attribute of products: log-likelihood ratios of faults that all positions share; their sums decide."""
 
 
 @dataclass
@@ -49,6 +51,9 @@ class Outcome:
         Number of the products that existed and were kept.
     internal : bool
         Whether a position failed by an error of this software.
+    evidence : list of float
+        Of one position: what it adds to the evidence of faults that all positions share, from
+        :func:`sounder.quality.quadrature.quadrature_evidence`.
     """
 
     products: list[Path] = field(default_factory=list)
@@ -56,6 +61,7 @@ class Outcome:
     notes: list[str] = field(default_factory=list)
     already: int = 0
     internal: bool = False
+    evidence: list[float] = field(default_factory=list)
 
 
 class FilterCache:
@@ -95,7 +101,7 @@ def process_position(
         where, enough = f"{recording.source}: {recording.name}", not isinstance(error, MemoryError)
         line = internal_error(error) if enough else "the memory of this machine is not enough"
         return Outcome(failures=[f"{where}: {line}"], internal=enough)
-    return _outcome(job, target, remarks)
+    return _outcome(job, target, remarks, groups["/"].attrs[EVIDENCE])
 
 
 def existing_product(job: Job, target: Path, options: Options) -> Outcome | None:
@@ -107,6 +113,7 @@ def existing_product(job: Job, target: Path, options: Options) -> Outcome | None
     recording = job.recording
     try:
         root = open_group(target)
+        evidence = root.attrs[EVIDENCE]
         remarks = read_remarks(open_group(target, "/quality"))
         found = root["position"].values.tolist(), *(root[f"{end}_position"].values.tolist() for end in ("tx", "rx"))
         origin = _provenance(job, options) | {"sounder": recording.sounder.model_dump_json()}
@@ -116,10 +123,10 @@ def existing_product(job: Job, target: Path, options: Options) -> Outcome | None
     expected = [recording.name], [recording.tx_position.tolist()], [recording.rx_position.tolist()]
     if found != expected or any(root.attrs.get(name) != value for name, value in origin.items()):
         return None
-    return _outcome(job, target, remarks, already=1)
+    return _outcome(job, target, remarks, evidence, already=1)
 
 
-def _outcome(job: Job, target: Path, remarks: list[Remark], already: int = 0) -> Outcome:
+def _outcome(job: Job, target: Path, remarks: list[Remark], evidence: Sequence[float], already: int = 0) -> Outcome:
     recording = job.recording
     recorded = int(recording.valid.sum())
     named: dict[bool, list[str]] = {True: [], False: []}
@@ -127,7 +134,7 @@ def _outcome(job: Job, target: Path, remarks: list[Remark], already: int = 0) ->
         alike = [remark for remark in remarks if remark.code.value.of_calibration == of_calibration]
         for failures, found in named.items():
             found += [f"{who}: {line}" for line in lines(alike, recorded, failures=failures)]
-    return Outcome([target], named[True], named[False], already)
+    return Outcome([target], named[True], named[False], already, evidence=[float(value) for value in evidence])
 
 
 def process_recording(
@@ -180,9 +187,15 @@ def process_recording(
     _widen_delays(mpcs, cir.attrs["drift_std"])
     if arbitrary:
         cir = _refer_to_first_arrival(cir, mpcs, distance)
-    groups = {"/": _root(recording, remarks), "/daps": _daps(cir, mpcs, recording, filter_, options), "/mpc": mpcs}
+    groups = {
+        "/": _root(recording, remarks).assign_attrs({EVIDENCE: cir.attrs["evidence"]}),
+        "/daps": _daps(cir, mpcs, recording, filter_, options),
+        "/mpc": mpcs,
+    }
     remarks += [*of_calibration, *remarks_on_position(recording, groups, filter_)]
-    if not options.trust_all:
+    if options.trust_all:
+        groups["/"].attrs[EVIDENCE] = [0.0]
+    else:
         groups["/"].attrs["doubts"] = " ".join(doubts(remarks))
     groups["/quality"] = tabulate_remarks(remarks)
     if options.keep_cir:

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from erm.common.significance import FALSE_ALARM
 from sounder.cir.deembedding import band_window
 from sounder.instrument.description import Sounder
 from sounder.instrument.touchstone import transmission
 from sounder.instrument.waveform import held_template
 from sounder.recordings.recording import BackToBack, Captures
 
-FALSE_ALARM = 1e-4
-"""Chance that one check of a clean back-to-back recording finds something. There are about ten checks of a recording,
-and one recording in a hundred may be remarked falsely; this leaves a margin of ten."""
+TESTS = 3
+"""Tests of a back-to-back that share `FALSE_ALARM`: of its histogram, of products of compression, of other paths."""
 PRODUCT_LEVEL = -55.0
 """Level below which what lies outside the response is of no account [dB]: the noise of a recording is seldom so far
 below its strongest path, and ordinary converters and mixers make products of -60 dB: those of the twin up to -59 dB in
@@ -120,7 +120,7 @@ def outside_level(response: Response) -> tuple[float, float]:
     """
     power = np.abs(response.outside) ** 2
     peak = np.abs(response.mean[response.peak]) ** 2
-    bound = max(_noise(power) * np.log(power.size / FALSE_ALARM) / peak, 10 ** (PRODUCT_LEVEL / 10))
+    bound = max(_noise(power) * np.log(power.size * TESTS / FALSE_ALARM) / peak, 10 ** (PRODUCT_LEVEL / 10))
     return _db(power.max() / peak), _db(bound)
 
 
@@ -143,7 +143,7 @@ def compression_level(response: Response, sounder: Sounder) -> tuple[float, floa
     energy = np.vdot(expected, expected).real
     fitted = np.abs(np.vdot(expected, found)) ** 2 / energy
     largest = np.max(np.abs(expected) ** 2) / energy / np.abs(response.mean[response.peak]) ** 2
-    bound = max(_noise(np.abs(found) ** 2) * -np.log(FALSE_ALARM) * largest, 10 ** (PRODUCT_LEVEL / 10))
+    bound = max(_noise(np.abs(found) ** 2) * np.log(TESTS / FALSE_ALARM) * largest, 10 ** (PRODUCT_LEVEL / 10))
     return _db(fitted * largest), _db(bound)
 
 
@@ -179,7 +179,7 @@ def wall(captures: Captures) -> tuple[float, float]:
     worst, least = 0, 0.0
     for end in (counts[: WALL_VALUES + 1], counts[: -WALL_VALUES - 2 : -1]):
         others = int(end.sum()) - 1  # the last value was met at least once
-        allowed = 1 + float(binom.isf(FALSE_ALARM / 2, others, 1 / (WALL_VALUES + 1)))
+        allowed = 1 + float(binom.isf(FALSE_ALARM / TESTS / 2, others, 1 / (WALL_VALUES + 1)))
         if end[0] > allowed and end[0] > worst:
             worst, least = int(end[0]), allowed
     return (worst / numbers.size, least / numbers.size) if worst else (0.0, 1.0)

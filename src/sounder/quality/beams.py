@@ -130,6 +130,10 @@ class Paths:
     losses: Real
     consistent: NDArray[np.bool_]
 
+    def take(self, rows: Integers) -> "Paths":
+        """Some of the paths."""
+        return Paths(**{name: column[rows] for name, column in vars(self).items()})
+
     @property
     def clear(self) -> NDArray[np.bool_]:
         """Beams (path, near) in which the path is seen, or should be seen, well over the noise."""
@@ -267,7 +271,7 @@ def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
     return np.where(missing, usual - level, 0)
 
 
-def shift_between(own: Real, others: Real) -> int:
+def shift_between(own: NDArray[np.floating], others: NDArray[np.floating]) -> int:
     """Delay of one beam's profile against that of the others [sample]; 0 if it is not certain.
 
     Parameters

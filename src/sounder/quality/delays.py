@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from sounder.quality.beams import MIN_BEAMS, Paths
-from sounder.quality.noise_floor import FALSE_ALARM
+from erm.common.significance import FALSE_ALARM
+from sounder.quality.beams import MAIN_LOBE, MIN_BEAMS, Paths
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -32,7 +32,7 @@ MOVED = 0.75
 """Share of the pairs across a loss that must differ by it, and of those that differ by it that must be across."""
 MIN_MOVED = 0.1
 """Least share of the delays that differ from their path's median after a loss; it saves time where nothing differs."""
-FAR_SEEN = 3
+FAR_SEEN = 8
 """Strongest paths whose delays are measured in all beams; chosen."""
 DRIFT_FALSE_ALARM = FALSE_ALARM / 100
 """Probability of a drift by chance: the standard error of few paths is too small more often than it should be."""
@@ -53,12 +53,15 @@ class Delays:
         Against the peak in the path's strongest beam [sample].
     tolerance : array (delay,)
         Error that noise and other paths make [sample].
+    far : array (delay,)
+        Whether the beam is far from the path and sees it through its sidelobes.
     """
 
     path: Integers
     beam: Integers
     delay: Real
     tolerance: Real
+    far: NDArray[np.bool_]
 
     def against_path(self, offset: Real) -> Real:
         """Delays (delay,) against the median over the beams of a path, with the offsets (beam,) removed."""
@@ -92,11 +95,12 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, stri
         Of the beams about a path, use only those that see it as strong as expected.
     """
     size = snr.shape[1]
+    paths = _without_sidelobes(paths, size)
     lag = np.arange(-window - 1, window + 2)
     at = (paths.delay[:, None] + lag) % size
     around, used = paths.around, paths.around >= 0
-    if strict:
-        used = paths.agree & paths.consistent[:, None]
+    if strict:  # as expected, or so strong that little else can be there
+        used &= (paths.agree & paths.consistent[:, None]) | (paths.seen > paths.seen[:, :1] + MAIN_LOBE)
     around, used = _with_far_beams(paths, used, snr.shape)
     power = snr[np.maximum(around, 0)[..., None], at[:, None, :]]
     inner = power[..., 1:-1]
@@ -113,7 +117,16 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, stri
     delay = lag[peak] + 0.5 * (left - right) / np.where(curvature < 0, curvature, -1)
     path, near = np.nonzero(is_peak)
     std = 1 / np.sqrt(np.exp(middle[path, near]) * -curvature[path, near])
-    return Delays(path, around[path, near], delay[path, near].astype(float), (UNRESOLVED + SIGMAS * std).astype(float))
+    tolerance = UNRESOLVED + SIGMAS * std
+    return Delays(path, around[path, near], delay[path, near].astype(float), tolerance.astype(float), far[near])
+
+
+def _without_sidelobes(paths: Paths, size: int) -> Paths:
+    """Paths but for those at the delay of a stronger one that are weak enough to be its sidelobes."""
+    level = paths.seen[:, 0]
+    apart = np.abs(paths.delay[:, None] - paths.delay)
+    same = (np.minimum(apart, size - apart) <= CLOSE) & (level[:, None] < level + MAIN_LOBE)
+    return paths.take(np.flatnonzero(~same.any(axis=1)))
 
 
 def _with_far_beams(
@@ -181,30 +194,50 @@ def lost_samples(delays: Delays, order: Integers) -> tuple[int, int]:
 def slips(delays: Delays, beams: int) -> Integers:
     """Delay (beam,) of each beam against the others [sample]; 0 unless it has slipped by a whole number of samples.
 
-    The delay of a path is the median over its beams; that of a beam the median over its paths. They are found in turn.
-    Then the beam must be off every path that it sees by one and the same number, and most other beams that see these
-    paths must not be off. Two paths that are not resolved seldom look like one that is off by a whole sample: the power
-    of both is between their delays; a slip by more than a sample, for which they need not overlap, must show in as many
-    paths. Where many beams are off by other than whole samples, those that are off by one are so by chance.
+    The delay of a path is the median over its beams. A path counts for a beam if most other beams that see it agree; of
+    these paths the one about which most agree tells the delay of the beam, and most others, weighted by how many agree
+    about them, must not contradict it. A slip by more than a sample must show in as many paths. Two paths that are not
+    resolved seldom look like one that is off by a whole sample: the power of both is between their delays. Sidelobes
+    show one path alone; in main lobes there may be two: if no beam has slipped that sees a path through its sidelobes,
+    two thirds of those that are off, and at least three, must be off by whole samples.
     """
-    offset = np.zeros(beams)
-    for _ in range(3):
-        against = delays.against_path(offset)
-        for beam in np.unique(delays.beam):
-            offset[beam] += np.median(against[delays.beam == beam])
-    whole = np.rint(offset)
-    off = delays.against_path(whole)
+    off, agree, sure = _against_others(delays, beams)
+    shifts, far = np.zeros(beams, np.int64), np.zeros(beams, bool)
+    suspects = np.unique(delays.beam[sure & (np.abs(off) > 0.5)])
+    for beam in suspects:
+        own = np.flatnonzero(sure & (delays.beam == beam))
+        best = own[np.argmax(agree[own])]
+        shift = np.rint(off[best])
+        fits = np.abs(off[own] - shift) < delays.tolerance[own]
+        if fits.sum() >= np.abs(shift) and agree[own][fits].sum() >= MOVED * agree[own].sum():
+            shifts[beam], far[beam] = shift, delays.far[best]
+    moved = np.count_nonzero(shifts)
+    if not shifts[far].any() and (moved < MIN_BEAMS or 3 * moved <= 2 * suspects.size):
+        shifts[:] = 0
+    return shifts
+
+
+def unsettled(delays: Delays, beams: int) -> Real:
+    """How far beams (beam,) are off the path about which most others agree, if they agree about none [sample]."""
+    off, agree, sure = _against_others(delays, beams)
+    figure = np.zeros(beams)
+    for beam in np.unique(delays.beam[sure]):
+        own = np.flatnonzero(sure & (delays.beam == beam))
+        if (np.abs(off[own]) > 0.5).all():
+            figure[beam] = off[own[np.argmax(agree[own])]]
+    return figure
+
+
+def _against_others(delays: Delays, beams: int) -> tuple[Real, Integers, NDArray[np.bool_]]:
+    """Delays against the median of their paths, how many other beams agree, and whether these are most of the others.
+
+    A delay that does not tell whole samples apart is not sure either.
+    """
+    off = delays.against_path(np.zeros(beams))
     settled = np.abs(off) < delays.tolerance
     count = np.bincount(delays.path)[delays.path]
-    agree = np.bincount(delays.path, settled)[delays.path] - settled
-    sure = (agree >= MIN_BEAMS) & (agree >= MOVED * (count - 1)) & (delays.tolerance < 0.5)  # tells whole samples apart
-    slipped = np.zeros(beams, bool)
-    for beam in np.flatnonzero(whole):
-        own = delays.beam == beam
-        slipped[beam] = sure[own].sum() >= np.abs(whole[beam]) and settled[own].sum() >= MOVED * own.sum()
-    if slipped.sum() < MOVED * np.unique(delays.beam[sure & (whole[delays.beam] != 0)]).size:
-        slipped[:] = False
-    return np.where(slipped, whole, 0).astype(np.int64)
+    agree = np.bincount(delays.path, settled)[delays.path].astype(np.int64) - settled
+    return off, agree, (agree >= MIN_BEAMS) & (agree >= MOVED * (count - 1)) & (delays.tolerance < 0.5)
 
 
 def clock_drift(delays: Delays, order: Integers) -> tuple[float, float]:

@@ -6,15 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from erm.common.significance import FALSE_ALARM
 from sounder.cir.false_alarm import NOISE_QUANTILE
 
 Real = NDArray[np.float64]
 
-FALSE_ALARM = 1e-3
-"""Probability that a check of a clean position makes a remark. Some ten checks then stay under 1 %."""
 LEAST_TREND = 1.0
-"""Smallest change of the noise floor over a scan that counts as a change of the gain [dB]: ten times its standard error
-over 108 directions. Chosen; the noise of strong signals changes the floors of some directions by less."""
+"""Smallest change of the noise floor over a scan that counts as a change of the gain [dB]. Chosen; the noise of strong
+signals changes the floors of some directions by less."""
 DISTINCT_GAIN = 3.0
 """Difference from the usual gain from which a direction shows the sign of the gains [dB]: ten times the error of a
 floor."""
@@ -88,7 +87,10 @@ class NoiseFloors:
         known = np.isfinite(floor)
         if not known.any():  # captures without any noise
             return cls(np.nan, np.zeros(floor.shape), np.inf, 0.0, 1)
-        bound = std * float(norm.isf(FALSE_ALARM / max(known.sum(), 1) / 2))
+        # a median of n Gaussian values has the variance pi / (2 n); the trend shares the false alarms
+        count = int(known.sum())
+        quantile = float(norm.isf(FALSE_ALARM / (count + 1) / 2))
+        bound = std * np.sqrt(1 + np.pi / 2 / count) * quantile
         sign = 1
         if _follows_gain(floor[known], agc_gain[known], bound):
             sign, floor = -1, floor + 2 * agc_gain
@@ -96,7 +98,9 @@ class NoiseFloors:
         fall = slope * (floor.size - 1)
         # A trend is a change of the gain only if it explains the floors: a few bad directions are none.
         residual = floor - level - slope * order
-        if abs(fall) < LEAST_TREND or _scatter(residual[known]) > 2 * std:
+        # between medians of thirds, over two thirds of the scan
+        significant = max(LEAST_TREND, quantile * 1.5 * std * np.sqrt(np.pi / 2 * 2 / (count / 3)))
+        if abs(fall) < significant or _scatter(residual[known]) > 2 * std:
             level, fall = float(np.median(floor[known])), 0.0
             residual = floor - level
         return cls(level, residual, bound, fall, sign)

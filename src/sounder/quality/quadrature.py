@@ -1,21 +1,24 @@
-"""I and Q exchanged, conjugated, or a sample apart, in a recording or in its back-to-back.
+"""I and Q exchanged, conjugated, or a sample apart, in recordings or in their back-to-back.
 
 A recording and its back-to-back hold the same instrument. De-embedding divides it out and leaves the pulse. If I and Q
 are exchanged in one of them, or Q has the other sign, the instrument of one is divided by the conjugate of that of the
 other: ripple and tilt of the response stay, and the pulse gets worse. Undoing the exchange makes it better. The
 template is real, so that the exchange commutes with the correlation and can be undone in the CIR.
+
+Paths that are not resolved change pulses as much. An instrument is wired once: the evidence of all positions with one
+back-to-back is summed, and a single position is told only if its own is enough.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from erm.common.significance import CERTAIN
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.power_spectrum import noise_power
-from sounder.quality.noise_floor import FALSE_ALARM
 from sounder.remark import Code, Remark
 
 STRONGEST = 12
@@ -26,13 +29,12 @@ REACH = 24
 """Samples on either side of the peak over which a pulse is judged. Chosen."""
 OVERSAMPLING = 4
 """Points a sample at which it is judged, so that the place of the peak between samples does not count."""
-LEAST_LOSS = 0.006
-"""Loss of sharpness of the pulse itself that the exchange must make to be seen [1]: an even response makes none. Below,
-dense paths make as much (`benchmarks/damage_calibration.py`)."""
-FEWEST = 3
-"""Fewest directions that tell. Chosen."""
 PHASES = np.exp(1j * np.pi * np.arange(8) / 8)
 """Carrier phases over which the effect of a delay of Q is averaged."""
+TAILS, SCATTER = 3.0, 0.5
+"""Degrees of freedom and scale of what paths do to the mean gain of sharpness of a position, the latter in standard
+deviations over its directions: the directions see the same few paths. Maximum likelihood over 120 random positions,
+half of them with scattering (worlds of `benchmarks/quadrature.py`)."""
 
 Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
@@ -58,21 +60,26 @@ class Change(NamedTuple):
 
     undo: Callable[[Complex], Complex]
     code: Code
-    least_gain: float
-    """Gain of sharpness by undoing it, over the loss that it makes to the pulse itself, from which on it is told."""
+    relative: float
+    """Standard deviation of the gain of sharpness by undoing it, over its mean."""
 
 
-# In 60 random streets and instruments the gain by undoing an exchange is 0.6 to 1.3 if there is one, and less than -0.6
-# if there is none. That of a delay depends on the phase of the carrier: 0.02 to 2.3, and less than -0.02.
+# The effect of a delay of Q is 1 - cos of twice the phase of the carrier, which differs from path to path: its relative
+# standard deviation is 1 / sqrt(2). That of an exchange does not depend on it; a tenth is for what is not resolved.
 CHANGES = (
-    Change(exchanged, Code.QUADRATURE_EXCHANGED, 0.3),
-    Change(q_earlier, Code.QUADRATURE_DELAYED, 0.05),
-    Change(q_later, Code.QUADRATURE_DELAYED, 0.05),
+    Change(exchanged, Code.QUADRATURE_EXCHANGED, 0.1),
+    Change(q_earlier, Code.QUADRATURE_DELAYED, np.sqrt(0.5)),
+    Change(q_later, Code.QUADRATURE_DELAYED, np.sqrt(0.5)),
 )
 
 
-def remarks_on_quadrature(responses: Complex, deembedding: Deembedding) -> list[Remark]:
-    """Whether the pulses of the strongest directions are better with I and Q exchanged or shifted.
+def quadrature_evidence(responses: Complex, deembedding: Deembedding) -> list[float]:
+    """Log-likelihood ratio of each of `CHANGES` to none.
+
+    Undoing a change ``k`` that was made gains the sharpness ``L_k`` that the change costs the pulse of the filter
+    itself, in the mean; undoing what was not made loses it. The mean gain ``g`` over directions with the standard
+    deviation ``s`` has the error ``hypot(SCATTER s, r_k L_k)``, with a Student's distribution ``t``; the ratio is
+    ``log t(g - L_k) - log t(g + L_k)``. An even response, which the exchange does not change, tells nothing.
 
     Parameters
     ----------
@@ -80,33 +87,48 @@ def remarks_on_quadrature(responses: Complex, deembedding: Deembedding) -> list[
         CIRs; NaN where nothing was recorded.
     deembedding : Deembedding
         The filter that made them.
-
-    Returns
-    -------
-    list of Remark
-        At most one.
     """
     flat = responses.reshape(-1, responses.shape[-1])
     power = np.abs(flat) ** 2
     ratio = power.max(axis=-1) / noise_power(power)
     strong = np.flatnonzero(np.nan_to_num(ratio) > LEAST_SNR)
     strong = strong[np.argsort(-ratio[strong])][:STRONGEST]
-    if strong.size < FEWEST:
-        return []
+    if strong.size < 2:  # no standard deviation
+        return [0.0] * len(CHANGES)
     seen = _correlation(flat[strong], deembedding)
     alone = _correlation(deembedding.pulse * PHASES[:, None], deembedding)
     sharp, sharp_alone = _sharpness(seen, deembedding), _sharpness(alone, deembedding)
-    best = 0.0
-    remark: list[Remark] = []
-    for undo, code, least_gain in CHANGES:
+    evidence = []
+    for undo, _, relative in CHANGES:
         loss = float(np.mean(sharp_alone - _sharpness(undo(alone), deembedding)))
         gains = _sharpness(undo(seen), deembedding) - sharp
-        gain = float(gains.mean())
-        error = gains.std() / np.sqrt(gains.size - 1)
-        certain = gain > student.isf(FALSE_ALARM, gains.size - 1) * error
-        if loss > LEAST_LOSS and certain and gain > max(least_gain * loss, best):
-            best, remark = gain, [Remark(code, figure=gain / loss, bound=least_gain)]
-    return remark
+        error = np.hypot(SCATTER * gains.std(ddof=1), relative * loss)
+        made, not_made = (student.logpdf((gains.mean() + sign * loss) / error, TAILS) for sign in (-1, 1))
+        evidence.append(float(made - not_made))
+    return evidence
+
+
+def remarks_on_quadrature(evidence: Iterable[list[float]]) -> list[Remark]:
+    """The change that the evidence of positions with one back-to-back makes certain, if any.
+
+    Parameters
+    ----------
+    evidence : iterable of list of float
+        Of each position, from :func:`quadrature_evidence`.
+
+    Examples
+    --------
+    >>> remarks_on_quadrature([[3.0, -1.0, -1.0]])
+    []
+    >>> [remark] = remarks_on_quadrature([[3.0, -1.0, -1.0]] * 3)
+    >>> remark.code.name, remark.figure
+    ('QUADRATURE_EXCHANGED', 9.0)
+    """
+    total = np.sum([*evidence, [0.0] * len(CHANGES)], axis=0)
+    best = int(total.argmax())
+    if total[best] <= CERTAIN:
+        return []
+    return [Remark(CHANGES[best].code, figure=float(total[best]), bound=CERTAIN)]
 
 
 def _correlation(responses: Complex, deembedding: Deembedding) -> Complex:

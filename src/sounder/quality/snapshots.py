@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from erm.common.significance import FALSE_ALARM
 from sounder.cir.power_spectrum import noise_power
 from sounder.options import Averaging
-from sounder.quality.noise_floor import FALSE_ALARM
 
 Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]

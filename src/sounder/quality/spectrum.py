@@ -7,13 +7,11 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import betaln
 
+from erm.common.significance import FALSE_ALARM
 from sounder.cir.deembedding import Deembedding
-from sounder.quality.noise_floor import FALSE_ALARM
 
 BLOCKS = 16
 """Parts of the band within which the spectrum of a channel is compared: 75 MHz of 1.2 GHz. Chosen; not derived."""
-DIRECTIONS = 1000
-"""Directions of a scan that are counted on."""
 KEPT = 0.03
 """Weight of the de-embedding from which lines are compared: the edges of the band hold nothing. Chosen."""
 
@@ -50,22 +48,22 @@ def spectral_lines(
     power[:, inside == 0] = 0  # not measured
     blocks = power.reshape(len(power), -1, block)
     line = np.max(blocks.max(axis=-1) / np.median(blocks, axis=-1), axis=-1)
-    return 10 * np.log10(line), 10 * float(np.log10(line_bound(inside.size, block)))
+    return 10 * np.log10(line), 10 * float(np.log10(line_bound(inside.size * len(responses), block)))
 
 
 @cache
 def line_bound(lines: int, block: int) -> float:
-    """Ratio of a line to the median of its block that the strongest of all lines exceeds with `FALSE_ALARM`.
+    """Ratio of a line to the median of its block that the strongest of so many lines exceeds with `FALSE_ALARM`.
 
     A median ``m`` of ``n`` exponential powers of mean 1 has ``1 - exp(-m)`` distributed as ``Beta(k, k)`` with
     ``k = (n + 1) / 2``. A line exceeds ``b m`` with the probability ``E[exp(-b m)] = B(k, k + b) / B(k, k)``.
 
     Examples
     --------
-    >>> round(line_bound(704, 64))  # 16 dB
-    41
+    >>> round(line_bound(704 * 108, 64))  # 16 dB
+    35
     """
     half = (block + 1) / 2
-    wanted = np.log(FALSE_ALARM / DIRECTIONS / lines)
+    wanted = np.log(FALSE_ALARM / lines)
     ratio: float = brentq(lambda b: betaln(half, half + b) - betaln(half, half) - wanted, 1.0, 1e4)
     return ratio

@@ -183,6 +183,15 @@ def test_what_a_product_marks_as_doubtful_is_widened_or_left_out(tmp_path: Path,
         assert table["elevation"].isnull().all()
 
 
+@pytest.mark.parametrize(("evidence", "told"), [([3.0, -9.0], True), ([2.0, 2.0], False)])
+def test_what_only_all_products_together_make_certain_leaves_them_out(tmp_path: Path, evidence, told):
+    """Log-likelihood ratios of a fault that all share: 9 is certain, 6 is not."""
+    each = [product(tmp_path / f"RX{k}.h5", shared_evidence=evidence) for k in range(3)]
+    line = "the products together mark position as doubtful"
+    assert sum(line in one for one in read_mpcs(each)[1]) == 3 * told
+    assert not any(line in one for one in read_mpcs(each[:2])[1])
+
+
 def test_a_product_that_does_not_say_where_it_was_is_refused(tmp_path: Path):
     root = xr.Dataset(attrs={"frequency": 1e9})
     write_product({"/": root, "mpc": xr.Dataset()}, tmp_path / "p.h5")

@@ -62,6 +62,18 @@ def test_products_are_in_the_order_of_the_jobs_and_progress_counts_them(jobs, tm
 
 
 @pytest.mark.slow
+def test_a_fault_that_positions_tell_only_together_is_one_line(jobs, tmp_path, monkeypatch):
+    monkeypatch.setattr(position, "quadrature_evidence", lambda responses, deembedding: [3.0, 0.0, 0.0])
+    three = jobs("A", "B", "C")
+    for again in range(2):
+        outcome = process(three, tmp_path / "out", resume=True, threads=1)
+        assert outcome.already == 3 * again
+        [line] = outcome.failures
+        assert "b2b.h5: 3 positions together: I and Q are exchanged" in line
+    assert process(three[:2], tmp_path / "two", threads=1).failures == []
+
+
+@pytest.mark.slow
 def test_damage_met_while_reading_costs_its_position_alone(jobs, tmp_path):
     first, second, third = jobs("A", "B", "C")
 

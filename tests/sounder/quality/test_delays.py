@@ -16,7 +16,13 @@ def delays(seed, offset, std=0.05):
     beam = (3 * azimuth[..., None] + np.arange(3)).reshape(PATHS, SEEN).ravel()
     path = np.repeat(np.arange(PATHS), SEEN)
     own = rng.uniform(-0.5, 0.5, PATHS)[path]
-    return Delays(path, beam, own + offset[beam] + std * rng.normal(size=beam.size), np.full(beam.size, 5 * std))
+    return Delays(
+        path,
+        beam,
+        own + offset[beam] + std * rng.normal(size=beam.size),
+        np.full(beam.size, 5 * std),
+        np.zeros(beam.size, bool),
+    )
 
 
 def test_nothing_is_found_in_clean_delays():

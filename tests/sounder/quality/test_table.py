@@ -1,6 +1,7 @@
 """Remarks survive the way into a product and back, and are read out as lines."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -53,3 +54,11 @@ def test_one_line_for_each_kind():
 def test_doubts_are_columns_of_the_mpc_table():
     assert set(doubts([Remark(code) for code in Code])) <= {"delay", "azimuth", "elevation", "path_gain", "position"}
     assert np.unique([code.label for code in Code]).size == len(Code)
+
+
+def test_every_code_is_documented() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "quality.md").read_text()
+    for code in Code:
+        row = next(line for line in text.splitlines() if line.startswith(f"| `{code.label}` |"))
+        assert code.text in row
+        assert code.action in row
