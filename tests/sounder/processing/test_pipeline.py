@@ -13,7 +13,7 @@ from erm.common import storage
 from erm.common.errors import DataError
 from erm.common.storage import open_group
 from sounder.options import Options
-from sounder.processing import position
+from sounder.processing import departures, position
 from sounder.processing.jobs import Explained, Job, Source, gather
 from sounder.processing.pipeline import process
 from sounder.recordings.writer import write_back_to_back, write_recording
@@ -63,7 +63,7 @@ def test_products_are_in_the_order_of_the_jobs_and_progress_counts_them(jobs, tm
 
 @pytest.mark.slow
 def test_a_fault_that_positions_tell_only_together_is_one_line(jobs, tmp_path, monkeypatch):
-    monkeypatch.setattr(position, "quadrature_evidence", lambda responses, deembedding: [3.0, 0.0, 0.0])
+    monkeypatch.setattr(departures, "quadrature_evidence", lambda responses, deembedding: [3.0, 0.0, 0.0])
     three = jobs("A", "B", "C")
     for again in range(2):
         outcome = process(three, tmp_path / "out", resume=True, threads=1)
