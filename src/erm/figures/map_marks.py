@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 MAX_NAMED = 60
 """Most positions whose names are written; more cannot be read on a page. Chosen; not derived."""
-GAPS = (5.0, 14.0, 24.0, 36.0, 50.0, 70.0)
+GAPS = (5.0, 14.0, 24.0, 36.0, 50.0, 70.0, 95.0, 125.0)
 """Gaps between a name and its place that are tried in turn [point]. Chosen; not derived."""
 BAR_SHARE = 0.25
 """Longest scale bar, relative to the width of the map. Chosen; not derived."""
@@ -149,16 +149,18 @@ def _half_size(letters: int) -> FloatArray:
 def _free_place(ends: FloatArray, drawn: FloatArray, letters: int) -> tuple[FloatArray, FloatArray]:
     """Point on a segment (2 ends, 2) and shift of a name from it where points (n, 2) leave most room.
 
-    The shift is the smallest of :data:`GAPS` at which the name touches nothing.
+    The shift is the smallest of :data:`GAPS` at which the name touches nothing; if there is none, that at which it
+    hides the fewest points.
     """
     box = _half_size(letters)
-    angle = np.radians(np.arange(0, 360, 30))
+    angle = np.radians(np.arange(0, 360, 15))
     place = ends[0] + np.array([0.5, 0.35, 0.65, 0.1, 0.9])[:, None] * (ends[1] - ends[0])
-    most, found = -1.0, (place[0], box)
+    most, found = -np.inf, (place[0], box)
     for gap in GAPS:
         shift = (box + gap) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         distance = np.abs(place[:, None, None] + shift[None, :, None] - drawn) - box
-        room = np.round(np.minimum(np.linalg.norm(np.maximum(distance, 0), axis=-1).min(axis=-1), 9.0), 6)
+        away = np.linalg.norm(np.maximum(distance, 0), axis=-1)
+        room = np.round(np.minimum(away.min(axis=-1), 9.0), 6) - (away == 0).sum(axis=-1)
         best = np.unravel_index(np.argmax(room), room.shape)
         if room[best] > most:
             most, found = float(room[best]), (place[best[0]], shift[best[1]])

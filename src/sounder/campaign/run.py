@@ -43,7 +43,7 @@ from sounder.campaign.result import (
     map_figure,
 )
 from sounder.campaign.survey import remarks_on_power, remarks_on_survey
-from sounder.figures.files import figure_paths, is_up_to_date
+from sounder.figures.files import PARAMETER_FIGURES, draw_parameters, figure_paths, is_up_to_date
 from sounder.figures.processes import each_drawn
 from sounder.parameters.statistics import Statistic, campaign_statistics
 from sounder.processing.channel_parameters import channel_parameters
@@ -169,6 +169,8 @@ def _run(
     missing = _figures_to_draw(result)
     result.failures = [*failures, *problems, *remarks_on_survey(outcome.products), *_unknown_positions(result)]
     _draw_map(result)
+    if campaign.figures.positions != "none":
+        draw_parameters(parameters, statistics, out / FIGURES, suffix=campaign.figures.format)
     _write_page(result)  # before the figures of positions, which take the most time
     if failed := _draw(result, missing):
         result.failures += failed
@@ -181,6 +183,7 @@ def _outputs(campaign: Campaign, out: Path) -> list[Path]:
     maps = [f"map.{suffix}" for suffix in campaign.map.formats]
     return [
         map_figure(campaign, out),
+        *(out / FIGURES / f"{name}.{campaign.figures.format}" for name in PARAMETER_FIGURES),
         *(out / name for name in (TABLE, PARAMETERS, STATISTICS, POINT_DATA, POINTS, REPORT, *maps)),
     ]
 

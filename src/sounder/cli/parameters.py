@@ -8,8 +8,8 @@ import typer
 
 from erm.common import console
 from erm.common.messages import note, write_json
-from erm.common.outputs import protect_inputs, require_suffix
-from sounder.options import Clustering, Source
+from erm.common.outputs import protect_inputs, require_folder, require_suffix
+from sounder.options import Clustering, FigureFormat, Source
 
 
 def parameters(
@@ -22,6 +22,10 @@ def parameters(
     ] = None,
     point_data: Annotated[Path | None, typer.Option(help="Point data by which groups merge theirs: .csv.")] = None,
     mpcs: Annotated[Path | None, typer.Option(help="Table with a row for each MPC of all positions: .csv.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for figures: distributions of parameters, path loss over distance.")
+    ] = None,
+    file_format: Annotated[FigureFormat, typer.Option("--format", help="File format of figures.")] = "png",
     threshold: Annotated[
         str | None,
         typer.Option(help="Which paths count: cfar, usc, nyu or numbers, as in `sounder process`. Default: all MPCs."),
@@ -40,6 +44,8 @@ def parameters(
     require_suffix(statistics, ".csv", ".tex")
     require_suffix(point_data, ".csv")
     require_suffix(mpcs, ".csv")
+    if figures:
+        require_folder(figures)
     protect_inputs((out, statistics, point_data, mpcs), products)
     from erm.evaluation.outline import rounded
     from erm.mpcs.files import read_mpcs, write_mpcs
@@ -58,6 +64,10 @@ def parameters(
         write_point_data(table, point_data, products=products, threshold=threshold)
     if mpcs:
         write_mpcs(read_mpcs(products)[0], mpcs)
+    if figures:
+        from sounder.figures.files import draw_parameters
+
+        draw_parameters(table, summary, figures, suffix=file_format)
     if as_json:
         write_json([rounded(asdict(one), digits=15) for one in summary])
     else:

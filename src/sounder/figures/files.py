@@ -5,18 +5,23 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from erm.common.console import drawing, save_figure
 from erm.common.errors import DataError
 from erm.common.storage import atomic_path, number_in, open_groups, require_axes
+from sounder.figures import parameters as parameter_figures
 from sounder.figures import products as figures
 from sounder.figures import score as score_figures
 from sounder.mpc.score import Score
+from sounder.parameters.statistics import Statistic
 
 KINDS = ("daps_polar", "daps", "pdp")
 """Figures of a product, as their files are named."""
+PARAMETER_FIGURES = ("parameter-cdfs", "path-loss")
+"""Figures of the channel parameters of a campaign, as their files are named."""
 
 
 @drawing()
@@ -66,6 +71,23 @@ def draw_elevations(product: Path, out: Path, *, suffix: str = "png") -> list[Pa
         figures.daps_cartesian(daps, ax, elevation=float(angle)).label_outer()
     figure.suptitle(name)
     return [_save(figure, out / f"{product.stem}_elevations.{suffix}")]
+
+
+@drawing()
+def draw_parameters(
+    parameters: xr.Dataset, statistics: Sequence[Statistic], out: Path, *, suffix: str = "png"
+) -> list[Path]:
+    """Draw the distributions of channel parameters, and path loss over distance.
+
+    Returns
+    -------
+    list of Path
+        Files, named as :data:`PARAMETER_FIGURES` says.
+    """
+    loss = Figure(figsize=(5.6, 4.0), layout="constrained")
+    parameter_figures.path_loss(parameters, statistics, loss.add_subplot())
+    drawn = (parameter_figures.cdf_page(parameters), loss)
+    return [_save(figure, out / f"{name}.{suffix}") for name, figure in zip(PARAMETER_FIGURES, drawn, strict=True)]
 
 
 def figure_paths(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:

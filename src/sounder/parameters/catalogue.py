@@ -63,3 +63,5 @@ PARAMETERS = {
     "inter_cluster_zenith_spread": Parameter("degree", "zenith spread between clusters", "of their mean angles; A-1"),
 }
 """Parameters by name, in the order of tables."""
+READ_IN = {"s": (1e9, "ns"), "Hz": (1e-6, "MHz"), "1": (1.0, "")}
+"""Factors and units in which people read parameters, by their unit."""

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from erm.common.storage import atomic_path, provenance, write_product
-from sounder.parameters.catalogue import PARAMETERS
+from sounder.parameters.catalogue import PARAMETERS, READ_IN
 from sounder.parameters.statistics import LINES_OF_SIGHT, Statistic
 
 SCALES = {"s": (1e9, "ns"), "Hz": (1e-6, "MHz"), "degree": (1.0, r"$^\circ$"), "dB": (1.0, "dB"), "1": (1.0, "")}
@@ -63,7 +63,7 @@ def summarise(statistics: Sequence[Statistic]) -> tuple[list[str], list[list[str
     lines = {(one.parameter, one.statistic): one for one in statistics if _is_summarised(one)}
     rows = []
     for (parameter, statistic), line in lines.items():
-        scale, unit = {"s": (1e9, "ns"), "Hz": (1e-6, "MHz")}.get(line.unit, (1.0, line.unit))
+        scale, unit = READ_IN.get(line.unit, (1.0, line.unit))
         cells = []
         for group in groups:
             one = known.get((group, parameter, statistic))

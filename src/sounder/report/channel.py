@@ -6,12 +6,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from sounder.parameters.catalogue import PARAMETERS
+from sounder.parameters.catalogue import PARAMETERS, READ_IN
 from sounder.parameters.statistics import FITS, Statistic
 from sounder.report.numbers import rounded
-
-UNITS = {"s": (1e9, "ns"), "Hz": (1e-6, "MHz"), "1": (1.0, "")}
-"""Factors and units in which people read parameters."""
 
 
 def parameter_columns(parameters: xr.Dataset) -> list[dict[str, Any]]:
@@ -27,7 +24,7 @@ def parameter_columns(parameters: xr.Dataset) -> list[dict[str, Any]]:
     for name, about in PARAMETERS.items():
         if name not in parameters or not np.isfinite(parameters[name].values).any():
             continue
-        scale, unit = UNITS.get(about.unit, (1.0, about.unit))
+        scale, unit = READ_IN.get(about.unit, (1.0, about.unit))
         std = f"{name}_std"
         found.append(
             {

@@ -18,6 +18,7 @@ from sounder.processing.jobs import gather
 
 from .commands import digest, facts, names, run
 
+OF_ALL = ["map", "parameter-cdfs", "path-loss"]  # figures of all positions
 FILES = [
     "map.geojson", "map.h5", "mpcs.csv", "parameters.csv", "point-data.csv", "reflection-points.csv", "report.html",
     "statistics.csv",
@@ -74,7 +75,7 @@ def test_one_command_makes_products_table_map_figures_and_report(made):
     out = made / "street"
     assert names(out) == sorted([*FILES, "figures", "products"])
     assert names(out / "products") == ["RX1.h5", "RX2.h5"]  # the back-to-back, which fits the pattern too, is none
-    assert names(out / "figures") == ["RX2_daps.png", "RX2_daps_polar.png", "RX2_pdp.png", "map.png"]
+    assert [Path(name).stem for name in names(out / "figures")] == ["RX2_daps", "RX2_daps_polar", "RX2_pdp", *OF_ALL]
     header = (out / "mpcs.csv").read_text().splitlines()[0].split(",")
     assert {"delay_std", "azimuth_std", "elevation_std", "path_gain_std"} < set(header)
     options = json.loads(open_group(out / "map.h5").attrs["processing_options"])
@@ -124,11 +125,13 @@ def test_what_exists_is_not_made_again(made, capsys):
     out = made / "street"
     before = {folder: stamps(out / folder) for folder in ("products", "figures")}
     whole = digest(out)
-    before["figures"].pop("map.png")  # follows from the table in a second, and is made again
+    for name in OF_ALL:  # follow from the tables in a second, and are made again
+        before["figures"].pop(f"{name}.png")
     assert run("run", made / "street.toml") == 0
     assert f"{out}: 2 products; 2 of 2 positions kept from an earlier run\n" in capsys.readouterr().out
     after = {folder: stamps(out / folder) for folder in ("products", "figures")}
-    after["figures"].pop("map.png")
+    for name in OF_ALL:
+        after["figures"].pop(f"{name}.png")
     assert after == before
     assert digest(out) == whole
 
@@ -137,7 +140,7 @@ def test_what_exists_is_not_made_again(made, capsys):
 def test_the_page_is_there_before_figures_and_says_afterwards_which_failed(made, copied, monkeypatch, capsys):
     def drawing(products, out, *, suffix):
         assert (out.parent / "report.html").is_file()
-        assert names(out) == ["map.png"]  # those of an older product are gone
+        assert names(out) == [f"{name}.png" for name in OF_ALL]  # those of an older product are gone
         yield [], "RX2.h5: no room for figures"
 
     shutil.copytree(made / "street", copied / "street")
@@ -308,7 +311,7 @@ def test_formats_of_map_and_figures_and_the_place_on_earth(written, copied, caps
     expected = f"{copied / 'street.toml'}: figures.positions: RX9 is not a processed position\n"
     assert capsys.readouterr().err == expected
     out = copied / "street"
-    assert names(out / "figures") == ["map.pdf"]
+    assert names(out / "figures") == [f"{name}.pdf" for name in OF_ALL]
     assert (out / "map.csv").is_file()
     assert not (out / "map.h5").exists()
     georeference = json.loads((out / "map.geojson").read_text())["georeference"]
