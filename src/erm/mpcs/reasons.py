@@ -37,6 +37,7 @@ class Reason(StrEnum):
     ABOVE_FREE_SPACE = "above_free_space", "stronger than free space"
     LOSS = "loss", "reflection loss above the threshold"
     ELEVATION = "elevation", "elevation inconsistent with a vertical wall"
+    DEPARTURE = "departure", "departure inconsistent with a single reflection"
     # set by `erm.reconstruction.reconstruct`
     NOT_SHARED = "not_shared", "no wall shared with other positions"
     CURVED_FACE = "curved_face", "off a curved face that walls hide"

@@ -16,6 +16,7 @@ from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs import elevation, standard_errors
 from erm.mpcs.antenna_pairs import links
 from erm.mpcs.clusters import clusters
+from erm.mpcs.departures import is_no_single_reflection
 from erm.mpcs.faces import elevation_excess, with_faces
 from erm.mpcs.options import Threshold
 from erm.mpcs.reasons import Reason
@@ -159,6 +160,7 @@ def select(
         Reason.LOSS: ~(loss < limit if threshold == "letter" else loss - margin <= limit),
         # if its gain at the elevation of a vertical wall exceeds free space, it arrived from another elevation
         Reason.ELEVATION: ~fits_vertical_wall(table) | (loss + margin < -MAX_GAIN_EXCESS),
+        Reason.DEPARTURE: is_no_single_reflection(table, direct),
     }
     reason = np.full(table.sizes["mpc"], Reason.ACCEPTED, dtype=object)
     for why, holds in reasons.items():
@@ -223,10 +225,15 @@ def is_ground_reflection(table: "xr.Dataset", ground_height: float) -> BoolArray
 def fits_vertical_wall(table: "xr.Dataset") -> BoolArray:
     """Whether (mpc,) the elevation is that of a path off vertical walls, ``sin e = (z_tx - z_rx) / L``.
 
-    The image is then as high as the transmitter, and not in or above a floor or a ceiling. True where the elevation is
-    unknown.
+    The image is then as high as the transmitter, and not in or above a floor or a ceiling. The path leaves as far below
+    the horizon as it arrives above it. True where the elevations are unknown.
     """
-    return ~(np.abs(elevation_excess(table)) > ELEVATION_TOLERANCE + SIGMAS * table["elevation_std"].values)
+    departing = table["departure_elevation"].values + elevation.vertical_face_elevation(table)
+    wrong = [
+        np.abs(excess) > ELEVATION_TOLERANCE + SIGMAS * table[f"{name}_std"].values
+        for name, excess in (("elevation", elevation_excess(table)), ("departure_elevation", departing))
+    ]
+    return ~(wrong[0] | wrong[1])
 
 
 def letter_loss_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray) -> float:
@@ -269,6 +276,8 @@ def with_errors(table: "xr.Dataset", delay_std: float | None = None, azimuth_std
         "azimuth_std": found.azimuth if azimuth_std is None else azimuth_std,
         "elevation_std": found.elevation,
         "path_gain_std": 0.0,
+        "departure_azimuth_std": standard_errors.ASSUMED.azimuth,
+        "departure_elevation_std": standard_errors.ASSUMED.elevation,
     }
     known = np.isfinite(table["delay_std"].values) & np.isfinite(table["azimuth_std"].values)
     source = "the table" if known.all() else found.source if delay_std is azimuth_std is None else "the caller"

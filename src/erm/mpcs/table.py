@@ -21,6 +21,10 @@ OPTIONAL = {f"{name}_std": unit for name, unit in VALUES.items()} | {
     "gain_slope": "dB degree-1",
     "gain_curvature": "dB degree-2",
     "wrap_period": "s",
+    "departure_azimuth": "degree",
+    "departure_elevation": "degree",
+    "departure_azimuth_std": "degree",
+    "departure_elevation_std": "degree",
 }
 """Columns that may be absent, and their units."""
 
@@ -41,7 +45,8 @@ def make_table(columns: Columns) -> "xr.Dataset":
         sight, 0 none, -1 unknown), ``elevation`` [degree], and the columns of `OPTIONAL`: standard deviations
         (``_std``), unknown if they are not positive; ``gain_slope`` [dB/degree] and ``gain_curvature`` [dB/degree2],
         the first and second derivative of the path gain with the assumed elevation; ``wrap_period`` [s], where the
-        delay may be too short by a multiple of this period.
+        delay may be too short by a multiple of this period; ``departure_azimuth`` and ``departure_elevation``
+        [degree], from the transmitter toward the first interaction.
 
     Returns
     -------
