@@ -8,6 +8,7 @@ project's folder, commands in ``demo-output``. A block may be prepared by anothe
 import glob
 import io
 import re
+import runpy
 import shlex
 import shutil
 import sys
@@ -63,6 +64,8 @@ def project(tmp_path_factory) -> Path:
     kept = [text for text in [*receivers, last] if re.search(r'name = "(\w+)"', text)[1] in RECEIVERS]
     head = head.replace("snapshots = 8", "snapshots = 1")
     scene.write_text("".join([head, *kept, rest]), encoding="utf-8")
+    campaign = folder / "examples" / "campaigns" / "demo.toml"
+    campaign.write_text(f'{campaign.read_text(encoding="utf-8")}\n[figures]\npositions = "none"\n', encoding="utf-8")
     demo = "sounder simulate examples/scenes/uma.toml --out demo-output"
     process = "sounder process raw/*.h5 --calibration back-to-back.h5 --out products"
     for command, place in ((demo, folder), (process, folder / "demo-output")):
@@ -109,6 +112,16 @@ def test_examples_of_documents_run(document, project, monkeypatch, subtests):
         with subtests.test(f"line {example.line}"):
             example.evaluate()
     plt.close("all")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("notebook", sorted(path.name for path in (PROJECT / "examples" / "notebooks").glob("*.py")))
+def test_notebooks_run(notebook, project, monkeypatch):
+    monkeypatch.chdir(project)
+    names = runpy.run_path(str(PROJECT / "examples" / "notebooks" / notebook))
+    assert [names.get(name) for name in ("failures", "problems", "complaints") if names.get(name)] == []
+    if notebook == "your_own_sounder.py":
+        assert float(names["wall"]["offset"]) == pytest.approx(-12.0, abs=0.05)
 
 
 @pytest.mark.parametrize("package", [sounder, erm])
