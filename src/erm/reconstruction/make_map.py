@@ -12,7 +12,7 @@ from erm.reconstruction.model.paths import IntArray
 from erm.reconstruction.rounds import reconstruct_survey
 from erm.survey.bundle import SurveyStd
 from erm.survey.calibration import apply, calibrate, refined
-from erm.survey.conventions import contradictions
+from erm.survey.conventions import contradictions, offsets
 from erm.survey.report import attributes
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ def make_map(
     """
     causes = contradictions(table)
     calibration = calibrate(table)
+    causes += offsets(table, calibration.ambiguous)
     if not as_given:
         table = apply(table, calibration)
     environment, located = reconstruct_survey(

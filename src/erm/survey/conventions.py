@@ -6,7 +6,7 @@ errors of heading, clock and gain are free for the table as given and for the ch
 so that a heading that is off by 20 degrees is no convention.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,6 +22,7 @@ from erm.survey.direct_paths import (
     USUAL_CLOCK,
     USUAL_HEADING,
     DirectPaths,
+    direct_paths_at,
     find_direct_paths,
     one_sided_evidence,
 )
@@ -35,8 +36,8 @@ MARGIN = 5.0
 """Log-likelihood ratio beyond which a convention is named: 150 to 1, ten times the number of conventions."""
 TIED = 3.0
 """Log-likelihood within which conventions are named together: 20 to 1."""
-FEWEST = 5
-"""Fewest direct paths behind a convention; chosen."""
+FEWEST = 2.5
+"""Fewest direct paths behind a convention: three that are likely. Two agree by chance on clock and heading."""
 LEAST_EVIDENCE = 5.0
 """Least log-likelihood ratio of each direct path to another path: mirror images agree by chance, but not so well."""
 MOST_CHANGES = 4
@@ -55,7 +56,9 @@ class _Convention(NamedTuple):
     text: str
     change: Callable[[Observations], Observations]
     geometric: bool = True
-    """Whether it changes what direct paths are recognised by: length, azimuth, places."""
+    """Whether it changes length, azimuth or places of direct paths."""
+    searched: bool = True
+    """Whether it changes which paths are direct: elevations tell too."""
 
 
 @dataclass(frozen=True)
@@ -113,10 +116,21 @@ CONVENTIONS = (
         lambda t: replace(t, elevation=np.rad2deg(t.elevation), elevation_std=_degrees_of_std(t.elevation_std)),
         geometric=False,
     ),
+    _Convention("elevation with the opposite sign", lambda t: replace(t, elevation=-t.elevation), geometric=False),
     _Convention("elevation a zenith angle", lambda t: replace(t, elevation=90 - t.elevation), geometric=False),
-    _Convention("path_gain a loss (positive)", lambda t: replace(t, gain=-t.gain), geometric=False),
-    _Convention("frequency in GHz instead of Hz", lambda t: replace(t, frequency=t.frequency * 1e9), geometric=False),
-    _Convention("frequency in MHz instead of Hz", lambda t: replace(t, frequency=t.frequency * 1e6), geometric=False),
+    _Convention("path_gain a loss (positive)", lambda t: replace(t, gain=-t.gain), geometric=False, searched=False),
+    _Convention(
+        "frequency in GHz instead of Hz",
+        lambda t: replace(t, frequency=t.frequency * 1e9),
+        geometric=False,
+        searched=False,
+    ),
+    _Convention(
+        "frequency in MHz instead of Hz",
+        lambda t: replace(t, frequency=t.frequency * 1e6),
+        geometric=False,
+        searched=False,
+    ),
 )
 
 
@@ -155,8 +169,7 @@ def contradictions(table: "xr.Dataset") -> list[Cause]:
             if convention.geometric and current.usual:
                 continue
             changed = convention.change(seen)
-            # what does not change how direct paths are recognised need not be searched again
-            agreement = _agreement(changed, None if convention.geometric else current.direct)
+            agreement = _agreement(changed, None if convention.searched else current.direct)
             tried.append((agreement, changed, convention))
         best = max(agreement.evidence for agreement, _, _ in tried)
         if best < current.evidence + MARGIN:
@@ -171,6 +184,31 @@ def contradictions(table: "xr.Dataset") -> list[Cause]:
     if not current.believable:
         return []
     return [replace(cause, direct_paths=round(current.number)) for cause in causes]
+
+
+def offsets(table: "xr.Dataset", names: Collection[str]) -> list[Cause]:
+    """Heading and clock on which few direct paths agree far better than as given.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPC table.
+    names : collection of str
+        Errors to look for: those that `erm.survey.calibration.calibrate` leaves ambiguous.
+    """
+    seen = _fewer_links(Observations.of(table))
+    found = find_direct_paths(seen, most=1)
+    if not found or not _Agreement(found[0].evidence, found[0]).believable:
+        return []
+    best = found[0]
+    given = direct_paths_at(seen, 0.0, 0.0, (best.clock_spread, best.heading_spread))
+    gained = best.evidence - max(given.evidence, 0.0)
+    errors = {
+        "heading": (best.heading, USUAL_HEADING / MANY, f"azimuth {best.heading:+.1f} degrees off"),
+        "clock": (best.clock, USUAL_CLOCK / MANY, f"delay {best.clock / c * 1e9:+.2f} ns off"),
+    }
+    wrong = tuple(text for name, (value, least, text) in errors.items() if name in names and abs(value) > least)
+    return [Cause((text,), gained, round(best.number), len(seen.tx)) for text in wrong if gained > MARGIN]
 
 
 class _Agreement(NamedTuple):

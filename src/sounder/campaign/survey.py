@@ -12,7 +12,7 @@ from erm.common.errors import DataError
 from erm.mpcs.files import read_product
 from erm.mpcs.reasons import Reason
 from erm.survey.calibration import NAMES, UNITS, calibrate
-from erm.survey.conventions import contradictions
+from erm.survey.conventions import contradictions, offsets
 from sounder.parameters.path_loss import free_space_path_loss
 from sounder.remark import MAX_NAMED_DIRECTIONS
 
@@ -36,7 +36,7 @@ def remarks_on_survey(products: Sequence[Path]) -> list[str]:
     Returns
     -------
     list of str
-        Empty if less than five direct paths agree.
+        Empty if less than three direct paths agree.
 
     Examples
     --------
@@ -49,13 +49,22 @@ def remarks_on_survey(products: Sequence[Path]) -> list[str]:
             tables.append(read_product(product, trusted=("delay", "azimuth", "elevation", "path_gain", "position"))[0])
         except DataError:  # told when it was made
             continue
-    if len(tables) < 2:
-        return []
-    table = xr.concat(tables, dim="mpc")
+    return remarks_on_table(xr.concat(tables, dim="mpc")) if len(tables) > 1 else []
+
+
+def remarks_on_table(table: xr.Dataset) -> list[str]:
+    """Lines about errors that the direct paths of an MPC table share.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        MPCs of several positions (`erm.make_table`).
+    """
     lines = [f"all positions together: {cause.text}" for cause in contradictions(table)]
     if lines:
         return lines
     found = calibrate(table)
+    lines = [f"all positions together: {cause.text}" for cause in offsets(table, found.ambiguous)]
     for name in NAMES:
         value, std = getattr(found, name), found.std(name)
         if name not in found.ambiguous and abs(value) > max(LEAST_ERRORS[name], SIGMAS * std):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from erm.survey.conventions import contradictions
+from erm.survey.conventions import contradictions, offsets
 
 from .streets import street
 
@@ -14,6 +14,7 @@ CHANGES = {
     "radians": lambda t: t.assign(azimuth=np.deg2rad(t["azimuth"])),
     "compass": lambda t: t.assign(azimuth=90 - t["azimuth"]),
     "mirrored": lambda t: t.assign(azimuth=-t["azimuth"]),
+    "opposite sign": lambda t: t.assign(elevation=-t["elevation"]),
     "zenith": lambda t: t.assign(elevation=90 - t["elevation"]),
     "loss": lambda t: t.assign(path_gain=-t["path_gain"]),
     "GHz": lambda t: t.assign(frequency=t["frequency"] / 1e9),
@@ -31,6 +32,29 @@ def test_a_convention_is_named_and_only_that(word):
     assert word in causes[0].text
     # a bearing and exchanged axes agree equally well, and both are named
     assert len(causes[0].conventions) == (2 if word in ("compass", "north") else 1)
+
+
+def three_links() -> xr.Dataset:
+    table = street()
+    _, link = np.unique(table["rx_position"], axis=0, return_inverse=True)
+    return table.isel(mpc=np.flatnonzero(np.isin(link.ravel(), [0, 3, 6])))
+
+
+@pytest.mark.parametrize("word", ["mirrored", "feet", "TX and RX", "north", "opposite sign"])
+def test_three_direct_paths_tell_a_convention(word):
+    table = three_links()
+    assert contradictions(table) == []
+    assert word in contradictions(CHANGES[word](table))[0].text
+
+
+def test_three_direct_paths_tell_heading_and_clock():
+    table, both = three_links(), ("heading", "clock")
+    assert offsets(table, both) == []
+    turned = table.assign(azimuth=table["azimuth"] + 10, delay=table["delay"] - 10e-9)
+    heading, clock = (cause.text for cause in offsets(turned, both))
+    assert float(heading.split()[1]) == pytest.approx(10, abs=0.3)
+    assert float(clock.split()[1]) == pytest.approx(-10, abs=0.1)
+    assert offsets(turned, ["gain"]) == []
 
 
 def test_conventions_that_are_wrong_together_are_all_named():
