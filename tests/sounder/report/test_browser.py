@@ -72,3 +72,75 @@ def test_the_page_answers(browser, page, contents):
     for name in ("daps", "pdp", "distribution", "loss"):
         assert run(f"document.querySelectorAll('#{name} svg').length") == 1
     assert browser.get_log("browser") == []
+
+
+EVERY = """
+const problems = [];
+const say = (what, right) => { if (!right) problems.push(what); };
+const tip = () => [...document.getElementsByClassName("tooltip")].map((one) => one.textContent).join("");
+const details = document.getElementById("details");
+say("marks", document.querySelectorAll("#map .mark").length > 5);
+for (const mark of document.querySelectorAll("#map .mark")) {
+  const name = mark.dataset.key;
+  mark.dispatchEvent(new PointerEvent("pointermove", { clientX: 5, clientY: 5, bubbles: true }));
+  say(`hover ${name}`, tip().length > 0);
+  mark.dispatchEvent(new PointerEvent("pointerleave", { bubbles: true }));
+  mark.dispatchEvent(new MouseEvent("click", { bubbles: true }));
+  say(`click ${name}`, mark.classList.contains("chosen"));
+  const links = details.querySelectorAll("button.link").length;
+  for (let i = 0; i < links; i += 1) {
+    mark.dispatchEvent(new MouseEvent("click", { bubbles: true }));
+    const link = details.querySelectorAll("button.link")[i];
+    const before = details.textContent;
+    link.click();
+    say(`link ${name} ${link.textContent}`, details.textContent !== before);
+  }
+}
+for (const id of ["daps", "pdp", "loss"])
+  for (const dot of document.querySelectorAll(`#${id} svg [data-tip], #${id} svg circle`))
+    dot.dispatchEvent(new PointerEvent("pointermove", { clientX: 5, clientY: 5, bubbles: true }));
+for (const box of document.querySelectorAll("#map-tools input[type=checkbox]")) {
+  box.click();
+  box.click();
+}
+for (const table of ["parameter-table", "mpc-table"]) {
+  const host = document.getElementById(table);
+  const rows = () => [...host.querySelectorAll("tbody tr")];
+  const all = rows().length;
+  host.querySelectorAll("th[scope=col]").forEach((head, i) => {
+    for (const direction of ["ascending", "descending"]) {
+      head.querySelector("button").click();
+      say(`${table}: sort ${i} ${direction}`, head.getAttribute("aria-sort") === direction && rows().length === all);
+    }
+    const search = host.querySelector("input[type=search]");
+    for (const text of [rows()[0].cells[i].textContent.trim().split(/\\s+/)[0], ""]) {
+      search.value = text;
+      search.dispatchEvent(new Event("input"));
+      say(`${table}: filter ${text}`, rows().length > 0 && rows().length <= all);
+    }
+  });
+  for (const pick of host.querySelectorAll("tbody button.link")) {
+    pick.click();
+    say(`${table}: row ${pick.textContent}`, details.textContent.includes(pick.textContent));
+  }
+}
+for (const id of ["next", "previous"]) {
+  const before = document.getElementById("position").value;
+  document.getElementById(id).click();
+  say(id, document.getElementById("position").value !== before);
+}
+for (const option of document.getElementById("parameter").options) {
+  document.getElementById("parameter").value = option.value;
+  document.getElementById("parameter").dispatchEvent(new Event("change"));
+  say(`parameter ${option.text}`, document.querySelectorAll("#distribution svg").length === 1);
+}
+for (const link of document.querySelectorAll("a[href^='#']"))
+  say(`anchor ${link.hash}`, document.getElementById(link.hash.slice(1)) !== null);
+return problems;
+"""
+
+
+def test_every_mark_link_sort_and_filter_answers(browser, page):
+    browser.get(page.as_uri())
+    assert browser.execute_script(EVERY) == []
+    assert browser.get_log("browser") == []
