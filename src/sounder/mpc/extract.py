@@ -12,6 +12,7 @@ from sounder.kernels.extraction.sage import Effort, cancel
 from sounder.kernels.extraction.workspace import workspace
 from sounder.mpc.beams import Beams
 from sounder.mpc.clock import clock_variance, scan_order
+from sounder.mpc.common_delays import refine_delays
 from sounder.mpc.departures import with_departures
 from sounder.mpc.elevation_gain import with_elevation_gain
 from sounder.mpc.joint import refine_jointly
@@ -122,6 +123,8 @@ def extract_mpcs(
         found, removed, group = split_paths(found, removed, scan)
         found, group = refine_jointly(found, removed, group, scan)
         departure = np.zeros(len(found), PATH)
+    if effort.passes and scan.departure.size > 1:
+        found = refine_delays(found, beam_power(found, scan, departure), removed, residual, scan)
     order = np.argsort(-found["amplitude"])
     found, departure, group = found[order], departure[order], group[order]
     power = beam_power(found, scan, departure)

@@ -22,7 +22,9 @@ def checked_responses(
 ) -> tuple[xr.Dataset, list[Remark]]:
     """Impulse responses of a position, and what is wrong with them.
 
-    The scan with each beam of the transmit antenna is checked by itself.
+    With several beams of the transmit antenna, directions that are zero, not finite or clipped are left out. Beams are
+    not compared with their neighbours and with the receiver's noise: most are seen by the sidelobes of the transmit
+    antenna only, of which a pattern holds no more than a level.
 
     Parameters
     ----------
@@ -35,10 +37,10 @@ def checked_responses(
     Returns
     -------
     cir : xarray.Dataset
-        From :func:`sounder.quality.check.check_responses`. Where the transmit antenna has several beams, all but
-        ``delay_std`` have the axes ``tx_azimuth`` and ``tx_elevation`` before those of the receive antenna. Attribute
-        ``evidence``: that of :func:`sounder.quality.quadrature.quadrature_evidence`, the mean over the scans, which
-        see the same paths.
+        From :func:`sounder.quality.check.check_responses`. Where the transmit antenna has several beams, its variables
+        have the axes ``tx_azimuth`` and ``tx_elevation`` before those of the receive antenna. Attribute ``evidence``:
+        that of :func:`sounder.quality.quadrature.quadrature_evidence`, the mean over the scans, which see the same
+        paths.
     remarks : list of Remark
         Each once, whichever beam it is of.
 
@@ -51,11 +53,13 @@ def checked_responses(
     remarks: dict[Remark, None] = {}
     for scan in recording.departures:
         cir, found = impulse_responses(scan, filter_, averaging=options.averaging, threads=threads)
-        cir, found = check_responses(cir, scan, filter_, found, trust_all=options.trust_all)
+        if recording.of_departure is None:
+            cir, found = check_responses(cir, scan, filter_, found, trust_all=options.trust_all)
         scans.append(cir)
         remarks |= dict.fromkeys(found)
     evidence = np.mean([quadrature_evidence(cir["cir"].values, filter_) for cir in scans], axis=0).tolist()
-    remarks |= dict.fromkeys(remarks_on_quadrature([evidence]))
+    if recording.kind == "iq":  # others have no converters
+        remarks |= dict.fromkeys(remarks_on_quadrature([evidence]))
     if recording.of_departure is None:
         return scans[0].assign_attrs(evidence=evidence), list(remarks)
     angles = {axis: (axis, getattr(recording, axis), attrs) for axis, attrs in TX_AXES.items()}
@@ -68,5 +72,5 @@ def checked_responses(
         )
         for name, variable in scans[0].data_vars.items()
     }
-    attrs = scans[0].attrs | {"drift_std": max(cir.attrs["drift_std"] for cir in scans), "evidence": evidence}
+    attrs = scans[0].attrs | {"drift_std": 0.0, "evidence": evidence}
     return xr.Dataset(joined, {**angles, **scans[0].coords}, attrs), list(remarks)
