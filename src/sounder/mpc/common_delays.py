@@ -3,14 +3,15 @@
 Cancellation fits each path to what the others leave in the links about its own. Of two paths within a resolution cell,
 what one leaves in the links of the other depends on their phases there. But their delays are common to all links.
 
-In link ``l`` the whitened samples are ``y_l = S a_l + n_l``, with the pulses ``S`` (sample, path) at the delays, noise of
-variance ``N_l``, and amplitudes ``a_l`` of unknown phase, of which the patterns ``g_lp`` say the size: they have the
-prior variance ``v_lp = (m A_p g_lp)^2``, with the margin ``m`` of the patterns. Given the delays, the best amplitudes are
+In link ``l`` the whitened samples are ``y_l = S a_l + n_l``, with the pulses ``S`` (sample, path) at the delays, noise
+of variance ``N_l``, and amplitudes ``a_l`` of unknown phase, of which the patterns ``g_lp`` say the size: they have the
+prior variance ``v_lp = (m A_p g_lp)^2``, with the margin ``m`` of the patterns. Given the delays, the best amplitudes
+are
 
 ``a_l = (S^H S + N_l / v_l)^-1 S^H y_l``,
 
-and with these eliminated (variable projection), delays minimise the squares that are left, by Gauss-Newton steps. A path
-that the patterns do not put into a link takes nothing there.
+and with these eliminated (variable projection), delays minimise the squares that are left, by Gauss-Newton steps. A
+path that the patterns do not put into a link takes nothing there.
 
 References
 ----------
@@ -117,7 +118,9 @@ class _Fit(NamedTuple):
         inverse = np.linalg.inv(inner + ridge[:, :, None] * np.eye(delay.size))
         amplitude = np.einsum("lpq,lq->lp", inverse, seen)
         weight = 1 / self.noise
-        cost = float(weight @ (np.sum(np.abs(self.samples) ** 2, axis=1) - np.sum(seen.conj() * amplitude, axis=1).real))
+        cost = float(
+            weight @ (np.sum(np.abs(self.samples) ** 2, axis=1) - np.sum(seen.conj() * amplitude, axis=1).real)
+        )
         rest = self.samples - amplitude @ pulse
         gradient = weight @ (amplitude.conj() * (rest @ slope.conj().T)).real
         cross = slope.conj() @ pulse.T

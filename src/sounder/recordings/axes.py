@@ -17,7 +17,9 @@ from sounder.recordings.layout import Layout, Samples
 
 DIRECTIONS = ("tx_azimuth", "tx_elevation", "azimuth", "elevation")
 """Axes along which captures were made in different directions."""
-SCAN_AXES = ("position", *DIRECTIONS)
+PLACES = ("position", "tx", "rx")
+"""Axes along which captures were made at different places; the last changes first."""
+SCAN_AXES = (*PLACES, *DIRECTIONS)
 """Axes along which captures were made at different places or in different directions."""
 
 
@@ -232,4 +234,5 @@ def each_direction(
     found = np.broadcast_to(found, full)
     found = found.transpose([axes.index(axis) for axis in SCAN_AXES if axis in axes])
     absent = tuple(i for i, axis in enumerate(SCAN_AXES) if axis not in axes)
-    return np.expand_dims(found, absent)
+    found = np.expand_dims(found, absent)
+    return found.reshape(-1, *found.shape[len(PLACES) :])

@@ -68,14 +68,18 @@ def is_descending(file: ForeignFile, frequency: Numbers | None) -> bool:
     return bool(values[0] > values[-1])
 
 
-def require_same_frequencies(file: ForeignFile, frequency: Numbers | None, sounder: Sounder) -> None:
-    """Refuse a back-to-back that was measured at other frequencies than the captures."""
+def require_same_frequencies(
+    file: ForeignFile, frequency: Numbers | None, sounder: Sounder, *, carrier: bool = True
+) -> None:
+    """Refuse a back-to-back that was measured at other frequencies than the captures.
+
+    ``carrier`` is whether the carrier of the sounder is in the middle of them.
+    """
     if frequency is None:
         return
     own = sweep_tables(np.atleast_1d(file.numbers(frequency, "back_to_back.frequency")).astype(float), file.path)
-    if own["waveform"]["points"] != sounder.waveform.samples or not np.isclose(
-        own["carrier"]["frequency"], sounder.carrier.frequency
-    ):
+    same = not carrier or np.isclose(own["carrier"]["frequency"], sounder.carrier.frequency)
+    if own["waveform"]["points"] != sounder.waveform.samples or not same:
         raise DataError(
             f"{file.path}: the back-to-back has {own['waveform']['points']} frequencies around "
             f"{own['carrier']['frequency'] / 1e9:g} GHz, the captures have {sounder.waveform.samples} around "
@@ -90,6 +94,8 @@ def _of_responses(file: ForeignFile, layout: Layout, sequence: Waveform | Period
         found = sweep_tables(
             np.atleast_1d(file.numbers(block.frequency, "captures.frequency")).astype(float), file.path
         )
+        if "carrier" in layout.sounder:  # the sweep is that of an intermediate frequency
+            del found["carrier"]
     elif block.sample_rate is not None:
         points = lengths(file, block)["sample"]
         rate = file.scale(block.sample_rate, "captures.sample_rate")

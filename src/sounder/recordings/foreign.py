@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
-from sounder.recordings.axes import Grid, each_direction, grid, lengths, node_of, require_lengths
+from sounder.recordings.axes import PLACES, Grid, each_direction, grid, lengths, node_of, require_lengths
 from sounder.recordings.described import described, is_descending, require_same_frequencies
 from sounder.recordings.foreign_file import ForeignFile, foreign_file, opener
 from sounder.recordings.layout import Layout, Samples
@@ -51,8 +52,9 @@ def recordings(
         scan = grid(file, layout)
         shape = lengths(file, block, {"sample": instrument.waveform.samples, **scan.lengths})
         require_lengths(path, layout.captures, shape, scan.lengths, instrument.waveform.samples)
-        names = [_name(layout, path, p) for p in range(shape.get("position", 1))]
-        placed = places(file, layout, names, positions)
+        lengths_of_places = tuple(shape.get(axis, 1) for axis in PLACES)
+        names = [_name(layout, path, p) for p in range(prod(lengths_of_places))]
+        placed = places(file, layout, names, positions, ends=(lengths_of_places[1], lengths_of_places[2]))
         scale = file.scale(layout.scale_factor, "scale_factor")
         agc = each_direction(file, layout.agc_gain, block, shape, "agc_gain")
         times = None if layout.time is None else each_direction(file, layout.time, block, shape, "time")
@@ -66,6 +68,7 @@ def recordings(
 
         def of_departure(a: int, e: int, p: int = p, place: Place = place) -> Recording:
             beam = (p, scan.order["tx_azimuth"][a], scan.order["tx_elevation"][e])
+            where = (*np.unravel_index(p, lengths_of_places), *beam[1:])
             order = np.ix_(scan.order["azimuth"], scan.order["elevation"])
             azimuth, elevation = scan.angles["azimuth"], scan.angles["elevation"]
             return Recording(
@@ -82,7 +85,7 @@ def recordings(
                 valid=np.ones((azimuth.size, elevation.size), bool),
                 los=place.los,
                 time=None if times is None else times[beam][order],
-                read=_reader(file_of_all, block, shape, beam, scan, descending),
+                read=_reader(file_of_all, block, shape, where, scan, descending),
                 kind=block.kind,
                 inputs=inputs,
             )
@@ -119,7 +122,7 @@ def back_to_back(path: Path, layout: Layout, sounder: Sounder, *, calibration: P
         raise DataError(f"{source}: not a native back-to-back recording, and the layout has no section [back_to_back]")
     with foreign_file(source) as file:
         frequency = layout.captures.frequency if block.frequency is None else block.frequency
-        require_same_frequencies(file, frequency, instrument)
+        require_same_frequencies(file, frequency, instrument, carrier="carrier" not in layout.sounder)
         samples = instrument.waveform.samples if sequence is None else sequence.samples
         shape = lengths(file, block, {"sample": samples})
         captures = _captures(file, block, shape, {}, descending=is_descending(file, frequency))
@@ -144,7 +147,7 @@ def _name(layout: Layout, path: Path, position: int) -> str:
     """Name of a position. Default: the name of the file, with a number if the layout has the axis position."""
     pattern = layout.positions.name
     if pattern is None:
-        pattern = "{file}-{:02d}" if "position" in layout.captures.axes else "{file}"
+        pattern = "{file}-{:02d}" if {*PLACES} & {*layout.captures.axes} else "{file}"
     before, after = layout.positions.file.split("{}")
     stem = path.stem
     if len(stem) > len(before + after) and stem.startswith(before) and stem.endswith(after):
@@ -166,15 +169,15 @@ def _reader(
     opened: Callable[[], ForeignFile],
     block: Samples,
     shape: Mapping[str, int],
-    beam: tuple[int, int, int],
+    place: Sequence[np.intp],
     scan: Grid,
     descending: bool,
 ) -> Callable[[int, int, slice], Captures]:
     """Reader of the captures of one direction, by its index in the ascending grid.
 
-    ``beam`` holds the indices in the file of the position and of the beam of the transmit antenna.
+    ``place`` holds the indices in the file of the position and of the beam of the transmit antenna.
     """
-    fixed = dict(zip(("position", "tx_azimuth", "tx_elevation"), map(int, beam), strict=True))
+    fixed = dict(zip((*PLACES, "tx_azimuth", "tx_elevation"), map(int, place), strict=True))
 
     def read(azimuth: int, elevation: int, snapshots: slice) -> Captures:
         a, e = int(scan.order["azimuth"][azimuth]), int(scan.order["elevation"][elevation])

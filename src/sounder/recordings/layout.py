@@ -3,13 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
 
 from sounder.instrument.periodic import with_template
 from sounder.recordings.recording import Kind
 from sounder.toml import Alternatives, NotNegative, Table, read_toml
 
-Axis = Literal["position", "tx_azimuth", "tx_elevation", "azimuth", "elevation", "snapshot", "sample", "iq"]
+Axis = Literal["position", "tx", "rx", "tx_azimuth", "tx_elevation", "azimuth", "elevation", "snapshot", "sample", "iq"]
 SAMPLES = ("delay", "frequency")
 """Other names of the axis ``sample``."""
 
@@ -30,7 +31,29 @@ class Reference(Table):
 
 REFERENCES = '{ dataset = "name" }, { attribute = "name" } or { attribute = "name", of = "dataset" }'
 Number = Annotated[float | Reference, Alternatives(f"a number, {REFERENCES}")]
-Numbers = Annotated[tuple[float, ...] | Reference, Alternatives(f"a list of numbers, {REFERENCES}")]
+
+
+def _evenly(value: Any) -> Any:
+    """Numbers of ``{ start, stop, points }``, both ends included; other values as they are."""
+    if not isinstance(value, dict) or "start" not in value:
+        return value
+    given = Evenly.model_validate(value)
+    return tuple(np.linspace(given.start, given.stop, given.points).tolist())
+
+
+class Evenly(Table):
+    """Numbers of even spacing, both ends included."""
+
+    start: float
+    stop: float
+    points: Annotated[int, Field(ge=1, le=2**24)]
+
+
+Numbers = Annotated[
+    tuple[float, ...] | Reference,
+    Alternatives(f"a list of numbers, {{ start, stop, points }}, {REFERENCES}"),
+    BeforeValidator(_evenly),
+]
 Points = Annotated[
     tuple[float, float, float] | tuple[tuple[float, float, float], ...] | Reference,
     Alternatives(f"three numbers, a list of these, {REFERENCES}"),
@@ -162,6 +185,9 @@ class PositionTable(Table):
 
 class Positions(Table):
     """Positions of the antennas, east/north/up [m]: one for all, or one for each position; line of sight and name.
+
+    With the axes ``tx`` and ``rx``, transmit and receive antennas at several places, each link is a position, the
+    receive antenna counting first; ``tx`` and ``rx`` are then one for each of the antennas.
 
     In ``name``, ``{}`` is the number of the position, from ``first`` (``{:02d}`` for two digits), and ``{file}`` the
     name of the file; of a name such as ``int16_P01`` and ``file = "int16_{}"`` that is ``P01``. What ``table`` holds

@@ -47,7 +47,9 @@ class Place:
         return sounder.model_copy(update={"survey": sounder.survey.model_copy(update=given)}) if given else sounder
 
 
-def places(file: ForeignFile, layout: Layout, names: Sequence[str], table: Path | None) -> list[Place | DataError]:
+def places(
+    file: ForeignFile, layout: Layout, names: Sequence[str], table: Path | None, ends: tuple[int, int] = (1, 1)
+) -> list[Place | DataError]:
     """Places of all positions of a file; the error in place of a position that the table does not hold.
 
     Parameters
@@ -58,12 +60,18 @@ def places(file: ForeignFile, layout: Layout, names: Sequence[str], table: Path 
         Names of the positions.
     table : Path or None
         Text table with a row for each position.
+    ends : tuple of int
+        Transmit and receive antennas at different places; each link of two is a position.
     """
     given, count = layout.positions, len(names)
-    ends = {
-        end: None if (value := getattr(given, end)) is None else file.points(value, count, f"positions.{end}")
-        for end in ("tx", "rx")
-    }
+    points_of: dict[str, NDArray[np.float64]] = {}
+    for k, end in enumerate(("tx", "rx")):
+        value = getattr(given, end)
+        if value is not None:
+            apart = ends[k] if max(ends) > 1 else count
+            points = file.points(value, apart, f"positions.{end}")
+            # link number t * receivers + r is of the transmitter t and the receiver r
+            points_of[end] = points[np.unravel_index(np.arange(count), ends)[k]] if max(ends) > 1 else points
     los = file.lines_of_sight(given.los, count, "positions.los")
     rows = None
     if given.table is not None:
@@ -72,7 +80,7 @@ def places(file: ForeignFile, layout: Layout, names: Sequence[str], table: Path 
         rows = _Rows(table, given.table, _read(table, _named(given.table)))
     found: list[Place | DataError] = []
     for p, name in enumerate(names):
-        held = {end: points[p] for end, points in ends.items() if points is not None}
+        held = {end: points[p] for end, points in points_of.items()}
         try:
             found.append(Place(**held, los=los[p]) if rows is None else rows.place(name, held, los[p]))
         except DataError as error:

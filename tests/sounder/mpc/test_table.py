@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 from scipy.constants import c
-from scipy.io import loadmat
 
-from sounder.cir.deembedding import Deembedding
-from sounder.instrument.antenna_description import Antenna
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Artefact, Processing
 from sounder.mpc.extract import extract_mpcs
@@ -116,53 +113,3 @@ def test_copies_that_the_instrument_makes_are_no_paths(bench):
     stronger = [paths[0], (-117.0, *paths[1][1:])]
     cir = bench.scan(stronger, noise=-130.0)
     assert extract_mpcs(cir, bench.filter_, told).sizes["mpc"] == 2
-
-
-@pytest.mark.slow
-def test_an_instrument_with_mirrors(shared_data, bench):
-    """28 GHz scan of an empty room, 501 frequencies: mirrors at 24 ns, -17 and -25 dB, are the instrument's.
-
-    Nothing calibrates it, so the band's shape is what all links have in common: a smooth curve through their mean.
-    """
-    data = loadmat(shared_data / "instrument/vna28/sm_sub17_er.mat", squeeze_me=True, struct_as_record=False)[
-        "MeasData"
-    ]
-    repeats = data.S21.T.reshape(7, 121, -1)
-    size = data.freq_range.size
-    rate = size * (data.freq_range[1] - data.freq_range[0])
-    axis = np.linspace(-1, 1, size)
-    shape = np.polynomial.Polynomial.fit(axis, np.log(np.mean(np.abs(repeats) ** 2, axis=(0, 1))), 4)(axis)
-    equaliser = np.fft.ifftshift(np.exp(-shape / 2))
-    window = 0.5 + 0.5 * np.cos(2 * np.pi * np.fft.fftfreq(size))
-    noise = (window * equaliser) ** 2
-    norm = size / window.sum()
-    filter_ = Deembedding(
-        transfer=window + 0j,
-        pulse=np.fft.ifft(window) * norm,
-        weight=window,
-        noise=noise / noise.mean(),
-        sample_rate=rate,
-    )
-    cirs = np.fft.ifft(np.fft.ifftshift(repeats, axes=-1) * window * equaliser, axis=-1) * norm
-    best = np.argmax(np.mean(np.abs(cirs) ** 2, axis=0).max(axis=-1))
-    mirrors = Artefact(delay=24e-9, level=-12.0), Artefact(delay=-24e-9, level=-20.0)
-    antenna = Antenna(gain=0.0, pattern="flat")
-    plain = bench.sounder.model_copy(update={"rx_antenna": antenna})
-    told = plain.model_copy(update={"processing": Processing(artefact=mirrors)})
-
-    def found(repeat, sounder):
-        scan = bench.dataset(np.zeros((36, 3, 1022), np.complex64)).isel(azimuth=[0], elevation=[0]).drop_dims("delay")
-        return extract_mpcs(
-            scan.assign(cir=(("azimuth", "elevation", "delay"), cirs[repeat, best][None, None].astype(np.complex64))),
-            filter_,
-            sounder,
-        )
-
-    def mirrored(table):
-        return int((np.abs(np.abs(table["delay"] - table["delay"][0]) - 24e-9) < 1e-9).sum())
-
-    told_tables = [found(repeat, told) for repeat in range(7)]
-    assert [mirrored(table) for table in told_tables] == [0] * 7
-    assert sum(mirrored(found(repeat, plain)) for repeat in range(7)) >= 7
-    strongest = np.array([table["delay"].values[:2] for table in told_tables])
-    assert (strongest.std(axis=0) < 0.1e-9).all()

@@ -151,3 +151,19 @@ def test_one_direction_one_position_no_snapshots(opened, sounder):
     found, _ = opened({"raw": IQ[0, 1, 1, 0]}, layout.replace("= 100\n", "= [100]\n").replace("= 0\n", "= [0]\n"))
     assert np.array_equal(found[0].captures(0, 0), IQ[0, 1, 1, :1])
     assert len(found[0].missing) == 11
+
+
+def test_links_of_antennas_at_several_places(opened):
+    """Two transmit and three receive antennas, and grids by their ends: each link is a position."""
+    data = np.stack([IQ, IQ[::-1], IQ + 1])[:, :, :, :, :1]  # tx is along the second axis
+    layout = PLAIN.replace('"position", "azimuth"', '"rx", "tx", "azimuth"')
+    layout = layout.replace("[-9, 0, 9]", "{ start = -9, stop = 9, points = 3 }")
+    layout = layout.replace("tx = [0, 0, 28.4]", "tx = [[0, 0, 28.4], [1, 0, 28.4]]")
+    layout = layout.replace("rx = [[31, -46, 1.4], ", "rx = [[31, -46, 1.4], [30, -46, 1.4], ")
+    found, _ = opened({"raw": data}, layout)
+    assert [recording.name for recording in found] == [f"foreign-{k:02d}" for k in range(6)]
+    for number, recording in enumerate(found):
+        tx, rx = divmod(number, 3)
+        assert recording.tx_position[0] == tx
+        assert recording.rx_position[0] == [31, 30, 32][rx]
+        assert np.array_equal(recording.captures(2, 1), data[rx, tx, 2, 1])

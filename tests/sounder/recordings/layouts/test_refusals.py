@@ -94,7 +94,7 @@ def test_samples_that_do_not_fit_the_description_are_reported(opened):
     [
         (change("[grid]", "[grid]\ncolour = 1"), "grid.colour: unknown key"),
         (change('"iq"]', '"iq", "iq"]'), "captures: axes lists an axis twice"),
-        (change('"sample"', '"samples"'), "captures.axes.4 is 'samples'; expected 'position', 'tx_azimuth'"),
+        (change('"sample"', '"samples"'), "captures.axes.4 is 'samples'; expected 'position', 'tx', 'rx'"),
         (change('"sample", ', ""), "captures: axes has no sample"),
         (change('"position"', '"direction"'), "captures: axes has direction and azimuth or elevation"),
         (
