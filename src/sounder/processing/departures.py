@@ -40,7 +40,7 @@ def checked_responses(
         From :func:`sounder.quality.check.check_responses`. Where the transmit antenna has several beams, its variables
         have the axes ``tx_azimuth`` and ``tx_elevation`` before those of the receive antenna. Attribute ``evidence``:
         that of :func:`sounder.quality.quadrature.quadrature_evidence`, the mean over the scans, which see the same
-        paths.
+        paths; empty where captures are responses.
     remarks : list of Remark
         Each once, whichever beam it is of.
 
@@ -57,8 +57,9 @@ def checked_responses(
             cir, found = check_responses(cir, scan, filter_, found, trust_all=options.trust_all)
         scans.append(cir)
         remarks |= dict.fromkeys(found)
-    evidence = np.mean([quadrature_evidence(cir["cir"].values, filter_) for cir in scans], axis=0).tolist()
+    evidence: list[float] = []
     if recording.kind == "iq":  # others have no converters
+        evidence = np.mean([quadrature_evidence(cir["cir"].values, filter_) for cir in scans], axis=0).tolist()
         remarks |= dict.fromkeys(remarks_on_quadrature([evidence]))
     if recording.of_departure is None:
         return scans[0].assign_attrs(evidence=evidence), list(remarks)
