@@ -3,9 +3,10 @@
 Places are traced with `erm.trace`, whose reflections off cylinders are held against closed forms in the tests and
 against an independent script. A place has two to four walls, and with ``--curved`` one to three arcs (radius 1 to 40 m,
 a third of them concave) and up to four pillars. ``--delay-std``, ``--azimuth-std``, ``--strays`` are what a measurement
-adds.
+adds. With ``--relief`` the walls of a plane place are facades of piers and panes, recessed by up to 0.35 m and tilted
+by up to a degree: each is to be one wall on the mean of what it reflected.
 
-    python benchmarks/curved_worlds.py --places 10 [--plane] [--delay-std 0.1] [--azimuth-std 1] [--strays 0.25]
+    python benchmarks/curved_worlds.py --places 10 [--plane] [--relief] [--delay-std 0.1] [--azimuth-std 1]
 """
 
 import argparse
@@ -48,6 +49,26 @@ def place(rng: np.random.Generator, *, curved: bool) -> erm.Environment:
     return environment
 
 
+def with_relief(environment: erm.Environment, rng: np.random.Generator) -> tuple[erm.Environment, list[int]]:
+    """The walls as piers and recessed panes, and the wall of each."""
+    ends, of = [], []
+    recess = rng.uniform(0.1, 0.35, environment.reflectors.sizes["reflector"])
+    for number, (start, end) in enumerate(environment.reflectors.end_points.values):
+        length = float(np.linalg.norm(end - start))
+        along = (end - start) / length
+        behind = -np.array([-along[1], along[0]]) * np.sign(start @ np.array([along[1], -along[0]]))
+        place, pane = 0.0, False
+        while place < length:
+            step = rng.uniform(0.8, 2.5)
+            turn = np.deg2rad(rng.uniform(-1, 1)) * pane
+            depth = pane * recess[number] * rng.uniform(0.7, 1.3) + np.array([-1, 1])[:, None] * turn * step / 2
+            edges = start + along * np.array([[place], [min(place + step, length)]]) - behind * depth
+            ends.append(edges)
+            of.append(number)
+            place, pane = place + step, not pane
+    return erm.Environment.walls(ends, top=12.0, ground=Slab(0.0)), of
+
+
 def measured(environment: erm.Environment, rng: np.random.Generator, options: argparse.Namespace) -> tuple[Any, list]:
     """An MPC table of the place, and the true reflection points (reflector, position, point)."""
     tx = np.array([*rng.uniform(-8, 8, 2), rng.uniform(2, 6)])
@@ -56,7 +77,7 @@ def measured(environment: erm.Environment, rng: np.random.Generator, options: ar
     count = rng.integers(20, 45)
     for number in range(count):
         rx = np.array([*rng.uniform(-11, 11, 2), 1.5])
-        paths = erm.trace(environment, tx, rx, FREQUENCY, max_order=2)
+        paths = erm.trace(environment, tx, rx, FREQUENCY, max_order=1 if options.relief else 2)
         if not paths.sizes["path"]:
             continue
         gain = paths.path_gain.values
@@ -104,25 +125,53 @@ def distances(found: xr.Dataset, points: np.ndarray) -> np.ndarray:
     return np.array([line.distance(shapely_points(points)) for line in lines]).reshape(len(lines), -1)
 
 
+def facade_errors(found: xr.Dataset, hits: list) -> list[tuple[int, float]]:
+    """Of each facade with eight reflections: the number of walls within 0.5 m of two, and the error of the best [m]."""
+    errors = []
+    for number in {number for number, _ in hits}:
+        points = np.array([point for own, point in hits if own == number])
+        if len(points) < 8:
+            continue
+        near = distances(found, points) < 0.5 if found.sizes["reflector"] else np.zeros((0, len(points)))
+        walls = np.flatnonzero((near.sum(axis=1) >= 2) & (found.kind.values == "wall"))
+        if not len(walls):
+            errors.append((0, np.nan))
+            continue
+        best = walls[np.argmax(near[walls].sum(axis=1))]
+        n = np.deg2rad(found.normal.values[best])
+        off = points @ np.array([np.cos(n), np.sin(n)]) - found.offset.values[best]
+        errors.append((len(walls), abs(float(np.mean(off)))))
+    return errors
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--places", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--plane", action="store_true")
+    parser.add_argument("--relief", action="store_true")
     parser.add_argument("--delay-std", type=float, default=0.0)
     parser.add_argument("--azimuth-std", type=float, default=0.0)
     parser.add_argument("--strays", type=float, default=0.0)
     parser.add_argument("--tolerance", type=float, default=0.05)
     options = parser.parse_args()
     total = {kind: [0, 0] for kind in ("wall", "arc", "pole")}
-    radii, right, length, cylinders = [], 0.0, 0.0, 0
+    radii, right, length, cylinders, rough, walls, facades = [], 0.0, 0.0, 0, 0, 0, []
     for seed in range(options.seed, options.seed + options.places):
         rng = np.random.default_rng(seed)
-        environment = place(rng, curved=not options.plane)
+        environment = place(rng, curved=not (options.plane or options.relief))
+        facade: list[int] = []
+        if options.relief:
+            environment, facade = with_relief(environment, rng)
         table, hits = measured(environment, rng, options)
         found, _ = erm.reconstruct(erm.select(table))
         kinds = found.reflectors.kind.values
         cylinders += int(np.sum(kinds != "wall"))
+        rough += int(np.sum(found.reflectors.relief.values > 0))
+        walls += int(np.sum(kinds == "wall"))
+        if options.relief:
+            facades += facade_errors(found.reflectors, [(facade[reflector], point) for reflector, _, point in hits])
+            continue
         line = [f"seed {seed}: {len(table.mpc)} MPCs, found {[str(k) for k in kinds]}"]
         for row, kind in enumerate(environment.reflectors.kind.values.tolist()):
             own = [(number, point) for reflector, number, point in hits if reflector == row]
@@ -151,6 +200,12 @@ def main() -> None:
             off = distances(environment.reflectors, samples).min(axis=0)
             right, length = right + 0.1 * np.sum(off < options.tolerance), length + 0.1 * len(at)
         print("\n  ".join(line), flush=True)
+    print(f"{rough} of {walls} walls with relief")
+    if options.relief:
+        elements, offset = np.array(facades).T
+        print(f"facades on one wall: {np.sum(elements == 1)} of {len(elements)}, offset of the mean plane [m]:")
+        print(np.quantile(offset[elements > 0], [0.5, 0.9, 1.0]).round(3))
+        return
     print({kind: f"{a} of {b}" for kind, (a, b) in total.items()}, f"radii right {sum(radii)} of {len(radii)}")
     print(f"correct length {right / max(length, 1e-9):.3f} of {length:.0f} m, {cylinders} cylinders on the maps")
 

@@ -15,6 +15,7 @@ from erm.reconstruction.decision.decide import Decision
 from erm.reconstruction.model.extent import MAX_FRESNEL_MARGIN, piece_ends
 from erm.reconstruction.model.loss import refractive_index_squared
 from erm.reconstruction.model.paths import IntArray, Paths
+from erm.reconstruction.model.relief import relief_and_tilt
 from erm.reconstruction.poles.poles import Pole
 
 if TYPE_CHECKING:
@@ -62,10 +63,11 @@ def assemble(
     for wall, why in decision.rejected:
         reason[wall.paths.row] = why
     reason[chains] = Reason.MULTIPLE_REFLECTION
-    names = ("end_points", "top", "normal", "offset", "covariance", "support", "residual", "material")
+    names = ("end_points", "top", "normal", "offset", "covariance", "support", "residual", "relief", "tilt", "material")
     columns: dict[str, list] = {name: [] for name in names}
     for wall, pieces in zip(decision.walls, decision.pieces, strict=True):
         line = wall.line.with_pivot(np.zeros(2))
+        relief, tilt = relief_and_tilt(wall)
         refractive_index = round(float(np.sqrt(refractive_index_squared(wall))), 1)
         material = Material(f"index {refractive_index}", refractive_index=complex(refractive_index, 0.0))
         materials[material.name] = material
@@ -81,6 +83,8 @@ def assemble(
             columns["covariance"].append(line.covariance)
             columns["support"].append(len(piece.inliers))
             columns["residual"].append(wall.reduced_chi_squared)
+            columns["relief"].append(relief)
+            columns["tilt"].append(tilt)
             columns["material"].append(material.name)
     reflectors = make_reflectors(
         np.reshape(columns.pop("end_points"), (-1, 2, 2)),

@@ -190,7 +190,7 @@ class _Problem:
             rx=paths.rx[:, :2] - errors[:, :2],
             height_difference=paths.tx[:, 2] - paths.rx[:, 2],
             measured=np.column_stack([paths.length + errors[:, CLOCK], paths.azimuth + errors[:, HEADING]]),
-            std=self.std[paths.row],
+            std=np.hypot(self.std[paths.row], paths.scatter),
             position=position,
             faces=faces,
         )
@@ -204,7 +204,7 @@ class _Problem:
         length, azimuth = paths.length - change[:, CLOCK], (paths.azimuth - change[:, HEADING]) % 360
         own = self.std[paths.row] * found.scale
         survey = survey_widths(length, paths.tx[:, 2] - rx[:, 2], azimuth, found.own_covariance[number])
-        length_std, azimuth_std = np.hypot(own.T, survey)
+        length_std, azimuth_std = np.hypot(np.hypot(own.T, survey), paths.scatter.T)
         moved = replace(paths, rx=rx, length=length, azimuth=azimuth)
         return moved.with_errors(length_std, azimuth_std)
 

@@ -23,6 +23,7 @@ from erm.reconstruction.poles.poles import find_poles
 from erm.reconstruction.search.bent_facades import split_bent_facades
 from erm.reconstruction.search.consensus import find_groups
 from erm.reconstruction.search.greedy import Group
+from erm.reconstruction.search.rough_facades import merge_rough_facades
 from erm.reconstruction.search.search import add_uncertain_paths, search_groups
 from erm.survey.bundle import SurveyStd
 from erm.survey.positions import PositionErrors
@@ -133,6 +134,8 @@ def locate_walls(
     ungrouped[concatenate_rows(group.inliers for group in groups)] = False
     ungrouped[np.isin(paths.row, curved.rows)] = False
     as_measured = split_bent_facades(paths, groups[:number_as_measured], ungrouped, min_support)
+    ungrouped[concatenate_rows(group.inliers for group in as_measured)] = False
+    paths, as_measured = merge_rough_facades(paths, as_measured, ungrouped, min_support)
     groups = as_measured + groups[number_as_measured:]
     decision = _decide(table, paths, groups, max_gap, min_support)
     # groups with longer delays that are not walls are no evidence about other candidates

@@ -75,4 +75,5 @@ def paths_of(columns, length_std=0.05, azimuth_std=0.7, loss=6.0):
         elevation_excess=np.full(n, np.nan),
         elevation_std=np.full(n, np.nan),
         row=np.arange(n),
+        scatter=np.zeros((n, 2)),
     )

@@ -8,13 +8,12 @@ from erm.common.odds import THOUSAND_TO_ONE
 from erm.reconstruction.curved.elements import log_odds_of_loss
 from erm.reconstruction.curved.search import CurvedFace, CylinderSearch, path_log_odds
 from erm.reconstruction.model.fit import EXACT_LINE, chi_squared, fit_line, residuals
+from erm.reconstruction.model.line import PLANE_SPAN
 from erm.reconstruction.model.paths import IntArray, Paths
 from erm.reconstruction.search.greedy import Group
 
 MAX_TANGENT_PATHS = 9
 """Paths up to which a plane may be a tangent of a curved face. Chosen; not derived."""
-PLANE_SPAN = 100.0
-"""Range of the offsets of planes before any measurement [m]. Chosen; not derived."""
 
 
 def curved_faces(

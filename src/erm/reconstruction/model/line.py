@@ -8,6 +8,9 @@ from erm.geometry.vertical import FloatArray, face_line, mirrored, unit
 from erm.geometry.vertical_covariance import line_covariance
 from erm.reconstruction.model.paths import BoolArray, IntArray, PathColumns, Paths
 
+PLANE_SPAN = 100.0
+"""Range of the offsets of planes before any measurement [m]. Chosen; not derived."""
+
 
 class Frame(NamedTuple):
     """Coordinates of a line ``n.(p - pivot) = offset``, ``n`` a unit vector; numbers, or one line per path (path,)."""

@@ -65,6 +65,9 @@ class Paths:
         Elevation minus that of a path off vertical walls, and its standard error [degree]; NaN if unknown.
     row : array (path,) of int
         Row of the table. Hypotheses about one MPC share a row.
+    scatter : array (path, 2)
+        Standard deviations of length [m] and azimuth [degree] that the relief of a facade adds. Those of the standard
+        errors contain them.
     """
 
     tx: FloatArray
@@ -81,6 +84,7 @@ class Paths:
     elevation_excess: FloatArray
     elevation_std: FloatArray
     row: IntArray
+    scatter: FloatArray
 
     @classmethod
     def from_table(cls, table: "xr.Dataset") -> "Paths":
@@ -101,6 +105,7 @@ class Paths:
             elevation_excess=elevation_excess(table),
             elevation_std=table["elevation_std"].values,
             row=np.arange(table.sizes["mpc"]),
+            scatter=np.zeros((table.sizes["mpc"], 2)),
         )
 
     @classmethod

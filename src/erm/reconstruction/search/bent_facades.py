@@ -57,7 +57,7 @@ def split_bent_facades(paths: Paths, groups: Sequence[Group], free: BoolArray, m
     owner = np.where(free, FREE, TAKEN)
     for number, group in enumerate(groups):
         owner[group.inliers] = number
-    clutter_cost = _clutter_cost(paths, free)
+    cost = clutter_cost(paths, free)
     result: list[Group] = []
     done = np.zeros(len(groups), dtype=bool)
     for first in sorted(range(len(groups)), key=lambda number: -len(groups[number].inliers)):
@@ -69,7 +69,7 @@ def split_bent_facades(paths: Paths, groups: Sequence[Group], free: BoolArray, m
         rows = np.concatenate([*(group.inliers for group in own), beside])
         # a facade with as many free paths beside it as of its own is too uncertain to be split
         if 2 * min_support <= len(rows) <= MAX_FACADE_PATHS and 2 * len(beside) < len(rows):
-            own = _split(paths.take(rows), clutter_cost[rows], rows, own, min_support)
+            own = _split(paths.take(rows), cost[rows], rows, own, min_support)
             owner[rows] = FREE
         for group in own:
             owner[group.inliers] = TAKEN
@@ -77,7 +77,7 @@ def split_bent_facades(paths: Paths, groups: Sequence[Group], free: BoolArray, m
     return result
 
 
-def _clutter_cost(paths: Paths, free: BoolArray) -> FloatArray:
+def clutter_cost(paths: Paths, free: BoolArray) -> FloatArray:
     """Cost (path,) of taking a path for clutter: ``2 ln(1 / (2 pi s_L s_a r))``.
 
     This is twice the logarithm of a ratio of densities: that of a wall's paths about their prediction, over the density
@@ -102,23 +102,9 @@ def _facade(images: Images, groups: Sequence[Group], first: int, owner: IntArray
         Free paths, at most one of a link that the groups do not have.
     """
     paths, (line, inliers) = images.paths, groups[first]
-    own = paths.take(inliers)
-    transmitter, of = np.unique(images.transmitter[inliers], return_index=True)
-    image = mirror_images(line, own.tx[of])
-    horizontal = np.linalg.norm(image - own.rx[of, :2], axis=-1).max() + np.ptp(own.length)
-    near = images.near_points(image, transmitter, float(2 * np.deg2rad(MAX_BEND) * horizontal + 2 * MAX_SETBACK))
-    rows = np.unique(near.rows)
-    rows = rows[(owner[rows] != TAKEN) & (owner[rows] != first) & ~np.isin(paths.link[rows], own.link)]
-    columns = paths.columns.take(rows)
-    frame = line.frame()
-    residual = residuals(columns, frame)
-    distance = np.minimum(
-        frame.signed_distance_at(columns.tx_east, columns.tx_north),
-        frame.signed_distance_at(columns.rx_east, columns.rx_north),
-    )
-    close = np.abs(residual.length) < 2 * MAX_SETBACK
-    close &= np.abs(residual.azimuth) < 2 * MAX_BEND + SIGMAS * columns.azimuth_std
-    rows = rows[close & (distance > 0)]
+    own, frame = paths.take(inliers), line.frame()
+    rows = beside(images, groups[first])
+    rows = rows[(owner[rows] != TAKEN) & ~np.isin(paths.link[rows], own.link)]
     facade, links = [first], own.link
     for other, count in zip(*np.unique(owner[rows][owner[rows] >= 0], return_counts=True), strict=True):
         theirs = paths.link[groups[other].inliers]
@@ -130,6 +116,26 @@ def _facade(images: Images, groups: Sequence[Group], first: int, owner: IntArray
     rows = rows[~is_diffuse(both, cos_incidence(both, frame), np.array([0, len(both)]))[len(own) :]]
     rows = rows[np.lexsort((rows, paths.loss[rows], paths.link[rows]))]
     return np.array(facade), rows[np.unique(paths.link[rows], return_index=True)[1]]
+
+
+def beside(images: Images, group: Group) -> IntArray:
+    """Other paths (n,) than those of a group that its line would reflect if it turned or was set back a little."""
+    paths, (line, inliers) = images.paths, group
+    own = paths.take(inliers)
+    transmitter, of = np.unique(images.transmitter[inliers], return_index=True)
+    image = mirror_images(line, own.tx[of])
+    horizontal = np.linalg.norm(image - own.rx[of, :2], axis=-1).max() + np.ptp(own.length)
+    near = images.near_points(image, transmitter, float(2 * np.deg2rad(MAX_BEND) * horizontal + 2 * MAX_SETBACK))
+    rows = np.setdiff1d(near.rows, inliers)
+    columns, frame = paths.columns.take(rows), line.frame()
+    residual = residuals(columns, frame)
+    distance = np.minimum(
+        frame.signed_distance_at(columns.tx_east, columns.tx_north),
+        frame.signed_distance_at(columns.rx_east, columns.rx_north),
+    )
+    close = np.abs(residual.length) < 2 * MAX_SETBACK
+    close &= np.abs(residual.azimuth) < 2 * MAX_BEND + SIGMAS * columns.azimuth_std
+    return rows[close & (distance > 0)]
 
 
 def _split(

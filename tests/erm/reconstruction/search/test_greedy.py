@@ -116,6 +116,7 @@ def paths_off(normal, offset, count, rng):
         elevation_excess=column,
         elevation_std=column,
         row=np.arange(count),
+        scatter=np.zeros((count, 2)),
     )
 
 
