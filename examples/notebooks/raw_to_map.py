@@ -43,10 +43,10 @@ axes = daps_cartesian(spectrum, Figure(figsize=(6, 4)).add_subplot(), mpc=mpcs)
 axes.figure
 
 # %% [markdown]
-# All positions: products on disk, one table of MPCs, single bounces, walls.
+# All positions: products on disk (those that are there are kept), one table of MPCs, single bounces, walls.
 
 # %%
-outcome = sounder.process(jobs, "demo-output/notebook")
+outcome = sounder.process(jobs, "demo-output/products", resume=True)
 table, complaints = erm.read_mpcs(outcome.products)
 environment, located = erm.reconstruct(erm.select(table))
 print(environment.reflectors[["normal", "offset", "support"]].to_dataframe())

@@ -68,31 +68,25 @@ def test_recordings_are_processed_when_they_are_whole_and_told_in_one_line(simul
         tmp_path,
         lambda: shutil.copy(first, raw),
         nothing,  # whole, but there is no back-to-back
+        lambda: (raw / "RX2.h5").write_bytes(half),  # a copy that stops half-way: still, but not readable
         lambda: shutil.copy(simulated / "back-to-back.h5", tmp_path),
         nothing,
+        nothing,  # nothing has changed
     )
     assert told[0] == [f"{tmp_path / 'street.toml'}: watching; Ctrl-C ends it"]
-    assert told[1] == told[3] == []
-    assert not any("MPCs" in line for line in told[2])
-    worth, campaign, *_ = told[4]
+    assert told[1] == told[3] == told[6] == []
+    assert not any("MPCs" in line for line in told[2] + told[4])
+    worth, campaign, *others = told[5]
     assert worth.startswith("RX1: ")
     assert "SNR" in worth
     assert "against geometry" in worth
     assert campaign.startswith("1 position; ")
+    assert [line for line in told[4] + others if "RX2.h5" in line]
     made = (out / "products" / "RX1.h5").stat().st_mtime_ns
 
-    (raw / "RX2.h5").write_bytes(half)  # a copy that has stopped half-way: still, but not readable
-    told = watched(
-        tmp_path,
-        nothing,
-        lambda: shutil.copy(second, raw),  # the next look sees that it changes
-        nothing,
-        nothing,  # nothing has changed
-    )
-    assert [line for line in told[1] if "RX2.h5" in line]
-    assert not [line for line in told[1] if line.startswith("RX")]  # RX1 was kept
-    assert told[2] == told[4] == []
-    assert told[3][0].startswith("RX2: ")
-    assert told[3][1].startswith("2 positions; ")
+    shutil.copy(second, raw)
+    told = watched(tmp_path, nothing)
+    assert told[1][0].startswith("RX2: ")  # RX1 was kept
+    assert told[1][1].startswith("2 positions; ")
     assert '"RX2"' in (out / "report.html").read_text(encoding="utf-8")
     assert (out / "products" / "RX1.h5").stat().st_mtime_ns == made
