@@ -16,6 +16,7 @@ from erm.geometry.vertical import FloatArray
 from erm.mpcs.elevation import gain_at_elevation, vertical_face_elevation
 from erm.mpcs.faces import FACE_COLUMNS, with_faces
 from erm.mpcs.selection import MAX_GAIN_EXCESS, fits_vertical_wall, reflection_loss
+from erm.mpcs.table import path_length
 from erm.reconstruction.decision.decide import MIN_WEAK_LOG_ODDS
 from erm.reconstruction.model.fit import fit_line, misfit
 from erm.reconstruction.model.line import Line, seed_line
@@ -29,8 +30,6 @@ from erm.reconstruction.search.search import add_uncertain_paths
 if TYPE_CHECKING:
     import xarray as xr
 
-MAX_PERIODS = 2
-"""Periods that a delay may be too short by; longer paths are too weak to be received. Chosen; not derived."""
 CHANGED_COLUMNS = ("delay", "reflection_loss", "reflection_loss_std", *FACE_COLUMNS)
 """Columns of a table that change with the delay."""
 
@@ -125,21 +124,32 @@ def _hypotheses(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", Int
     -------
     wrapped : xarray.Dataset
         Columns of the table. An MPC may be there several times, or not at all: a single reflection loses at most
-        ``max_reflection_loss``, does not gain, and arrives at the elevation of a path of that length.
+        ``max_reflection_loss``, does not gain, arrives at the elevation of a path of that length, and comes from
+        within the distance at which free space gives the weakest path of the table.
     row : array (hypothesis,) of int
         Row of the table of each.
     """
-    once = np.flatnonzero(free & np.isfinite(table["wrap_period"].values))
-    rows = np.tile(once, MAX_PERIODS)
-    wrapped = table.isel(mpc=rows)
-    periods = np.repeat(np.arange(1, MAX_PERIODS + 1), len(once))
-    wrapped = with_faces(wrapped.assign(delay=wrapped["delay"] + periods * wrapped["wrap_period"]))
-    gain, std = gain_at_elevation(wrapped, vertical_face_elevation(wrapped))
-    loss = reflection_loss(wrapped) + wrapped["path_gain"].values - gain
-    wrapped = wrapped.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
-    possible = (loss + 2 * std > -MAX_GAIN_EXCESS) & (loss <= table.attrs["max_reflection_loss"])
-    kept = np.flatnonzero(possible & fits_vertical_wall(wrapped))
-    return wrapped.isel(mpc=kept), rows[kept]
+    import xarray as xr
+
+    rows = np.flatnonzero(free & np.isfinite(table["wrap_period"].values))
+    # free space gives the weakest path of a table at this distance: nothing is received from beyond
+    reach = path_length(table) * 10 ** ((reflection_loss(table) + table["path_gain"].values) / 20)
+    reach = float((reach * 10 ** (-table["path_gain"].min().item() / 20)).max()) if len(rows) else 0.0
+    limit = float(table.attrs["max_reflection_loss"])
+    parts, of = [table.isel(mpc=slice(0))], [rows[:0]]
+    while len(rows):
+        longer = table.isel(mpc=rows)
+        longer = longer.assign(delay=longer["delay"] + len(parts) * longer["wrap_period"])
+        gain, std = gain_at_elevation(longer, vertical_face_elevation(longer))
+        loss = reflection_loss(longer) + longer["path_gain"].values - gain
+        # a longer path of this gain would be stronger than free space; none is received from beyond the reach
+        possible = (loss + 2 * std > -MAX_GAIN_EXCESS) & (path_length(longer) < reach)
+        kept = possible & (loss <= limit) & fits_vertical_wall(longer)
+        longer = longer.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
+        parts.append(longer.isel(mpc=np.flatnonzero(kept)))
+        of.append(rows[kept])
+        rows = rows[possible]
+    return with_faces(xr.concat(parts, dim="mpc")), np.concatenate(of)
 
 
 def _accepted(

@@ -6,8 +6,9 @@ import xarray as xr
 
 from erm.common.constants import c
 from erm.maps.environment import Environment
-from erm.mpcs.selection import select
-from erm.mpcs.table import columns_of_product, make_table
+from erm.mpcs.selection import MAX_GAIN_EXCESS, reflection_loss, select
+from erm.mpcs.table import columns_of_product, free_space_gain, make_table, path_length
+from erm.reconstruction.delay_wraps import _hypotheses
 from erm.reconstruction.reconstruct import reconstruct
 from erm.tracing.trace import trace
 
@@ -59,6 +60,30 @@ def test_a_far_wall_with_wrapped_delays_is_located():
     np.testing.assert_allclose(located["reflection_point"].values[of_far, 1], -80.0, atol=0.5)
     given = square()["delay"].values
     np.testing.assert_allclose(located["delay"].values - given, located["periods"].values * PERIOD, atol=1e-15)
+
+
+@pytest.mark.slow
+def test_a_wall_whose_delays_wrapped_as_often_as_their_gains_allow_is_located():
+    # the far wall's paths are four to six periods longer: as measured neither elevations nor losses are a wall's
+    environment, located = reconstruct(select(square(period=90e-9)))
+    far = int(np.argmin(np.abs(offsets(environment) - 80.0)))
+    assert abs(offsets(environment)[far] - 80.0) < 0.02
+    assert located["periods"].values[located["wall"].values == far].max() > 3
+
+
+def test_hypotheses_end_where_a_path_would_be_stronger_than_free_space():
+    table = select(square(period=90e-9))
+    one = np.flatnonzero(np.isfinite(table["wrap_period"].values))
+    wrapped, row = _hypotheses(table, np.isin(np.arange(table.sizes["mpc"]), one))
+    assert (wrapped["reflection_loss"].values > -MAX_GAIN_EXCESS - 2 * wrapped["reflection_loss_std"].values).all()
+    assert (wrapped["reflection_loss"].values <= table.attrs["max_reflection_loss"]).all()
+    # with one period more, the longest would be stronger than free space, or beyond where the weakest path is received
+    longest = wrapped.isel(mpc=[int(np.argmax(wrapped["delay"].values))])
+    longer = longest.assign(delay=longest["delay"] + longest["wrap_period"])
+    stronger = reflection_loss(longer) + 2 * longer["reflection_loss_std"].values < -MAX_GAIN_EXCESS
+    beyond = free_space_gain(path_length(longer), FREQUENCY) < table["path_gain"].values.min()
+    assert (stronger | beyond).all()
+    assert np.bincount(row).max() > 2
 
 
 def test_without_a_period_delays_are_not_changed():
