@@ -2,6 +2,7 @@
 #   make check   lint, types, import rules and the fast tests: the inner loop
 #   make test    the same with all tests but the longest
 #   make long    the longest tests, each several seconds of a processor
+#   make soak    damaged files, kills and full disks in large numbers: hours
 #   make lowest  the fast tests with the lowest versions that pyproject.toml admits
 # Another interpreter: make PYTHON=python3.12 test
 
@@ -14,7 +15,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export OPENBLAS_NUM_THREADS := 1
 PYTEST := $(BIN)/pytest --numprocesses logical --dist loadfile
 
-.PHONY: demo check test long compiled lowest lint docs bench clean
+.PHONY: demo check test long soak compiled lowest lint docs bench clean
 
 demo: $(READY)
 	$(BIN)/sounder demo --out demo-output
@@ -27,6 +28,9 @@ test: lint compiled
 
 long: $(READY)
 	$(PYTEST) -m long
+
+soak: $(READY)
+	$(BIN)/python -m tests.soak
 
 # compile the kernels once, so that the processes of the tests find them
 compiled: $(READY)

@@ -35,7 +35,7 @@ class Code(Enum):
     """Every kind of remark, with its meaning."""
 
     ALL_ZERO = Meaning("all samples are zero", "left out", leaves_out=True)
-    NOT_FINITE = Meaning("samples are NaN or infinite", "left out", leaves_out=True)
+    NOT_FINITE = Meaning("samples are NaN, infinite or huge", "left out", leaves_out=True)
     CLIPPED = Meaning("samples are clipped", "left out; lower the receiver gain", leaves_out=True)
     COMPRESSED = Meaning(
         "samples are compressed: their amplitudes end in a wall", "left out; lower the receiver gain", leaves_out=True

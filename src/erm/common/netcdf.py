@@ -114,10 +114,12 @@ def _dimensions(name: str, member: Dataset) -> list[str]:
         return [name]
     scales = member.node.attrs.get("DIMENSION_LIST", [()] * member.ndim)
     names: list[str] = []
+    seen: list[str] = []
     for length, references in zip(member.shape, scales, strict=True):
         place = h5py.h5r.get_name(references[0], member.node.id) if len(references) else b""
         called = place.decode().rpartition("/")[2] or f"axis_{length}"
-        names.append(called if called not in names else f"{called}_{names.count(called)}")
+        names.append(f"{called}_{seen.count(called)}" if called in seen else called)
+        seen.append(called)
     return names
 
 

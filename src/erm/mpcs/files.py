@@ -33,6 +33,9 @@ ABSENT_ALLOWED = ("path_gain",)
 """Columns of `COLUMNS` that a file may lack."""
 MAX_DELAY = 1e-3
 """Longest delay that is accepted, 300 km [s]. A longer one is in a wrong unit."""
+LARGEST_STD = {"delay_std": MAX_DELAY, "azimuth_std": 180.0, "elevation_std": 180.0, "path_gain_std": 1000.0}
+"""Largest standard deviations [s], [degree], [dB]: what is beyond is no error of such a value, or in another unit. That
+of the gain is chosen."""
 MAX_DELAY_RATIO = 50.0
 """Length of a typical path over the distance of its antennas, at most; chosen."""
 
@@ -116,7 +119,7 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     """Read one CSV file.
 
     Its header holds `COLUMNS` in any order, and any of `OPTIONAL`. Other columns are ignored. Separators and encodings
-    are those of `erm.common.text_files.read_table`. A standard deviation that is not positive is taken as unknown.
+    are those of `erm.common.text_files.read_table`. A standard deviation that cannot be one is taken as unknown.
 
     Returns
     -------
@@ -156,7 +159,7 @@ def read_csv(path: Path | str) -> tuple["xr.Dataset", list[str]]:
     )
     rules = {f"{name} is not a number": bad for name, bad in unreadable.items()}
     rules["los is not 1, 0 or blank"] = ~np.isnan(los) & ~np.isin(los, (0, 1))
-    unknown = [f"{path}: {line}" for line in _not_positive(numbers, text.lines)]
+    unknown = _impossible_errors(table, numbers, path, text.lines)
     table, problems = _checked(table, path, rules, text.lines)
     return table, unknown + problems
 
@@ -217,10 +220,12 @@ def read_product(
     if "elevation" in doubts:
         for name in ("elevation", "elevation_std", "gain_slope", "gain_curvature"):
             table[name][:] = np.nan
+    unknown = _impossible_errors(table, columns, path, None)
     doubtful = bool({"delay", "azimuth", "position"} & set(doubts))
     who = "the products together mark" if set(doubts) <= set(doubted) else "the product marks"
     rule = f"{who} {' and '.join(doubts)} as doubtful; see sounder info, or process with --trust-all"
-    return _checked(table, path, {rule: np.full(table.sizes["mpc"], doubtful)}, None)
+    table, problems = _checked(table, path, {rule: np.full(table.sizes["mpc"], doubtful)}, None)
+    return table, unknown + problems
 
 
 def line_of_sight(root: "xr.Dataset", path: Path | str) -> int:
@@ -287,16 +292,22 @@ def _number(text: str, blank_allowed: bool) -> float:
     return value if np.isfinite(value) or blank_allowed else np.inf
 
 
-def _not_positive(numbers: Mapping[str, npt.NDArray[np.float64]], lines: Sequence[int]) -> list[str]:
-    """One line for each column of standard deviations with values that are not positive: they are taken as unknown."""
+def _impossible_errors(
+    table: "xr.Dataset", given: Mapping[str, npt.NDArray[np.float64]], path: Path | str, lines: Sequence[int] | None
+) -> list[str]:
+    """Make standard deviations unknown that are not positive or too large; one line for each column that has any."""
     problems = []
-    for name in (name for name in OPTIONAL if name.endswith("_std")):
-        wrong = numbers[name] <= 0
-        if wrong.any():
-            problems.append(
-                f"{name} is not positive in {np.count_nonzero(wrong)} of {len(wrong)} rows (first: line "
-                f"{lines[int(np.argmax(wrong))]}); taken as unknown; leave unknown values blank"
-            )
+    for name, most in LARGEST_STD.items():
+        stated = given.get(name, np.empty(0))
+        for what, wrong in {"not positive": stated <= 0, f"above {most:g}": stated > most}.items():
+            if wrong.any():
+                table[name].values[wrong] = np.nan
+                first = int(np.argmax(wrong))
+                where = f"line {lines[first]}" if lines else f"MPC {first}"
+                problems.append(
+                    f"{path}: {name} is {what} in {np.count_nonzero(wrong)} of {len(wrong)} rows (first: {where}); "
+                    "taken as unknown; leave unknown values blank"
+                )
     return problems
 
 

@@ -11,6 +11,19 @@ WALL = 0.02
 0.6 % there; a limiter at the root mean square has 18 % or more. Chosen between."""
 MIN_LEVELS = 50
 """Fewest levels between zero and the largest number for a wall to be told from a coarse converter's last step."""
+LARGEST = float(np.finfo(np.float32).max) ** 0.25
+"""Largest sample: the square of its power is a number in single precision. Twice the full scale of 32 bits."""
+
+
+def within_range(captures: Captures) -> bool:
+    """Whether all samples are numbers whose powers can be computed with.
+
+    Examples
+    --------
+    >>> within_range(np.array([[3e4, 2j]])), within_range(np.array([[np.nan, 0]])), within_range(np.array([[1e10]]))
+    (True, False, False)
+    """
+    return captures.dtype.kind == "i" or bool((np.abs(captures) < LARGEST).all())
 
 
 def amplitude_wall(capture: Captures) -> float:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from sounder.cir.amplitudes import WALL, amplitude_wall, component_wall
+from sounder.cir.amplitudes import WALL, amplitude_wall, component_wall, within_range
 from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.cir.phase_alignment import AlignedMean, align_snapshots, average_on_line, common_offsets
 from sounder.cir.power_average import PowerAverage
@@ -58,8 +58,8 @@ def calibrate(b2b: BackToBack, recording: Recording | BackToBack) -> Deembedding
     1.0
     """
     captures = b2b.captures
-    if not np.isfinite(captures).all():
-        raise DataError(f"{b2b.source}: back-to-back samples are NaN or infinite; record it again")
+    if not within_range(captures):
+        raise DataError(f"{b2b.source}: back-to-back samples are NaN, infinite or huge; record it again")
     ratio = 20 * abs(np.log10(b2b.scale_factor) - np.log10(recording.scale_factor))
     if ratio > MAX_AGC_GAIN:
         raise DataError(
@@ -245,7 +245,8 @@ class _Blocks:
                 self.signal = self.signal or signal
             else:
                 self.signal = self.signal or bool(captures.any())
-                self._finite = self._finite and bool(np.isfinite(captures).all())
+                if not within_range(captures):
+                    self._finite, captures = False, np.full_like(captures, np.nan)
             if first == 0 and self._recording.kind == "iq":
                 self._walls = component_wall(captures[0]), amplitude_wall(captures[0])
             yield captures

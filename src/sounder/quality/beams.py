@@ -253,7 +253,7 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     others = np.sort(np.where(paths.around >= 0, paths.seen, NOWHERE)[:, 1:], axis=1)[:, :-3:-1]
     least = paths.seen[:, :1] - paths.losses
     unseen = (others < np.maximum(np.minimum(least - FADING, UNSEEN), least - MISSING)).any(axis=1)
-    np.maximum.at(figure, paths.beam[unseen], (paths.seen[:, 0] - others[:, 1])[unseen])
+    np.maximum.at(figure, paths.beam[unseen], (paths.seen[:, 0] - others.min(axis=1, initial=np.inf))[unseen])
     figure = np.where(agrees, 0, figure)
     return np.maximum(figure, _missing_everywhere(paths, snr))
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sounder.cir.amplitudes import within_range
 from sounder.instrument.description import Sounder
 from sounder.quality import back_to_back as check
 from sounder.quality.line_of_sight import SIGMAS
@@ -52,7 +53,7 @@ def check_back_to_back(b2b: BackToBack, sounder: Sounder, *, trust_all: bool = F
     if (
         b2b.kind != "iq"
         or captures.shape[1] != sounder.waveform.samples
-        or not np.isfinite(captures).all()
+        or not within_range(captures)
         or not captures.any()
     ):
         return CheckedBackToBack(b2b, [])

@@ -5,9 +5,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from erm.common.errors import DataError
+from erm.common.gate.limits import current, too_large
 from sounder import shipped
 from sounder.instrument.description import Sounder, load_sounder
 from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, read_toml
@@ -207,6 +209,9 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        needed = np.dtype(complex).itemsize * self.sounder.waveform.samples * self.snapshots
+        if needed > current().max_bytes:
+            raise ValueError(f"snapshots: one direction {too_large(needed)}")
         names = [receiver.name for receiver in self.receivers]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"receivers: {twice[0]} appears twice; expected a different name for each position")

@@ -199,14 +199,14 @@ def test_a_product_that_does_not_say_where_it_was_is_refused(tmp_path: Path):
         read_product(tmp_path / "p.h5")
 
 
-@pytest.mark.parametrize("std", ["0", "-1"])
-def test_a_standard_deviation_that_is_not_positive_is_unknown_and_reported(tmp_path: Path, std):
+@pytest.mark.parametrize(("std", "what"), [("0", "not positive"), ("-1", "not positive"), ("0.2", "above 0.001")])
+def test_a_standard_deviation_that_cannot_be_one_is_unknown_and_reported(tmp_path: Path, std, what):
     header = f"{HEADER},delay_std,elevation_std"
     table, problems = read_csv(lines(tmp_path / "t.csv", f"{GOOD},1e-10,0.5", f"{GOOD},{std},0.5", header=header))
     assert np.isnan(table["delay_std"].values).tolist() == [False, True]
     assert table["elevation_std"].values.tolist() == [0.5, 0.5]
     assert problems == [
-        f"{tmp_path / 't.csv'}: delay_std is not positive in 1 of 2 rows (first: line 3); taken as unknown; leave "
+        f"{tmp_path / 't.csv'}: delay_std is {what} in 1 of 2 rows (first: line 3); taken as unknown; leave "
         "unknown values blank"
     ]
 

@@ -15,6 +15,7 @@ from sounder.options import Options
 from sounder.processing.position import process_recording
 from sounder.recordings.native import back_to_back
 from sounder.recordings.recording import check
+from sounder.remark import Code
 
 [WHOLE] = sounder.open_recordings(shipped.calibration("recording-132ghz.h5"))
 B2B = back_to_back(shipped.calibration("back-to-back-132ghz.h5"))
@@ -63,6 +64,16 @@ def test_any_recording_gives_finite_mpcs_or_is_refused(recording, averaging):
         groups, _ = process_recording(recording, filter_, Options(averaging=averaging), threads=1)
     for name in ("delay", "azimuth", "path_gain") if groups else ():
         assert np.isfinite(groups["/mpc"][name].values).all()
+
+
+def test_a_direction_of_huge_samples_is_left_out_like_one_of_nan():
+    def read(a, e, snapshots=slice(None)):
+        captures = WHOLE.captures(a, e, snapshots).astype(np.float32).view(np.complex64)[..., 0]
+        captures[0, 5] = 1e26 if (a, e) == (2, 1) else captures[0, 5]
+        return captures
+
+    _, remarks = sounder.impulse_responses(replace(WHOLE, read=read), sounder.calibrate(B2B, WHOLE))
+    assert [(remark.code, remark.azimuth) for remark in remarks] == [(Code.NOT_FINITE, WHOLE.azimuth[2])]
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,11 @@ def written(tmp_path, text, name="scene.toml"):
     return path
 
 
+def test_more_snapshots_than_memory_holds_are_refused(tmp_path):
+    with pytest.raises(DataError, match=r"snapshots: one direction needs .*, more than the limit"):
+        load_scene(written(tmp_path, NORTH.replace("snapshots = 2", f"snapshots = {10**40}")))
+
+
 def test_south_is_turned_to_north_at_the_border(tmp_path):
     north, south = (load_scene(written(tmp_path, text)) for text in (NORTH, SOUTH))
     assert south == north

@@ -18,6 +18,7 @@ from erm.common.gate.attributes import Attributes
 from erm.common.gate.damage import refused
 from erm.common.gate.files import require_file
 from erm.common.gate.hdf5_rules import COPY, FLETCHER32, require_filters, require_hard, require_space, selected
+from erm.common.gate.heaps import require_heaps
 from erm.common.printable import printable
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def open_root(path: Path, expected: str = "a file of this software", **options: 
     require_file(path)
     if not is_hdf5(path):
         raise DataError(f"{path}: not an HDF5 file; expected {expected}")
+    require_heaps(path)
     with refused(path):
         return Root(path, h5py.File(path, "r", **options))
 

@@ -104,3 +104,17 @@ def test_a_circle_of_groups_and_many_groups_are_harmless(tmp_path):
         assert isinstance(file["g/again/g/again/g/x"], Dataset)
         with pytest.raises(DataError, match="has 10002 members; expected at most 10000"):
             list(file)
+
+
+def test_texts_whose_list_goes_in_a_circle_are_refused(tmp_path):
+    path = tmp_path / "t.h5"
+    with h5py.File(path, "w") as file:
+        file["names"] = ["RX1", "RX2"]
+    content = path.read_bytes()
+    with open_hdf5(path) as file:
+        assert file.dataset("names").texts() == ["RX1", "RX2"]
+    heap = content.index(b"GCOL")
+    free = heap + 16 + 2 * 24  # after the objects of both texts: a header of 16 bytes and three letters, padded to 8
+    path.write_bytes(content[:free] + bytes(16) + content[free + 16 :])  # HDF5 itself reads this for ever
+    with pytest.raises(DataError, match=rf"t\.h5: damaged HDF5 file \(texts at byte {heap}\); make or copy it again"):
+        open_hdf5(path).__enter__()
