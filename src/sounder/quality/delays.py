@@ -243,27 +243,28 @@ def _against_others(delays: Delays, beams: int) -> tuple[Real, Integers, NDArray
 def clock_drift(delays: Delays, order: Integers) -> tuple[float, float]:
     """Drift of the clock from a direction of the scan to the next, and its bound [sample].
 
-    Least squares over the differences of delays ``d`` and of numbers in the scan ``n`` of all pairs of beams that see a
-    path: ``sum dn dd / sum dn^2``. The pairs of a path depend on each other; the standard error is that of the sums of
-    the paths (Liang and Zeger, Biometrika 73, 1986), and that of few paths is uncertain: the bound is a quantile of
-    Student's distribution.
+    Least squares with a delay ``t_p`` of each path, ``d = t_p + drift n``, for the delay ``d`` in the beam with the
+    number ``n`` in the scan, with Huber's weights. What a beam adds to the error is common to its paths: the standard
+    error is that of the sums of the beams (Liang and Zeger, Biometrika 73, 1986), the bound a quantile of Student's
+    distribution.
     """
-    one, other, path = delays.pairs()
-    apart = (order[delays.beam[other]] - order[delays.beam[one]]).astype(float)
-    difference = delays.delay[other] - delays.delay[one]
-    kept = np.abs(difference) < 2 * CLOSE
+    number = order[delays.beam].astype(float)
+    weight = np.ones(number.size)
+    beams = np.unique(delays.beam).size
     slope = 0.0
-    for _ in range(5):  # Huber's weights
-        residual = difference - slope * apart
-        scale = max(1.4826 * float(np.median(np.abs(residual[kept]))), 1e-3) if kept.any() else 1.0
-        weight = np.where(kept, np.minimum(1, 1.5 * scale / np.maximum(np.abs(residual), 1e-9)), 0)
-        total = np.sum(weight * apart**2)
-        if not total:
+    for _ in range(5):
+        share = np.maximum(np.bincount(delays.path, weight), np.finfo(float).tiny)
+        away, late = (
+            values - (np.bincount(delays.path, weight * values) / share)[delays.path]
+            for values in (number, delays.delay)
+        )
+        total = np.sum(weight * away**2)
+        if not total or beams <= MIN_BEAMS:
             return 0.0, np.inf
-        slope = float(np.sum(weight * apart * difference) / total)
-    scores = np.bincount(path, weight * apart * (difference - slope * apart))
-    counted = int(np.count_nonzero(np.bincount(path, weight * apart**2)))
-    if counted < 3:
-        return slope, np.inf
-    error = float(np.sqrt(np.sum(scores**2) * counted / (counted - 1)) / total)
-    return slope, error * float(student.isf(DRIFT_FALSE_ALARM, counted - 1))
+        slope = float(np.sum(weight * away * late) / total)
+        residual = late - slope * away
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-3)
+        scores = np.bincount(delays.beam, weight * away * residual)
+        weight = np.minimum(1, 1.5 * scale / np.maximum(np.abs(residual), 1e-9))
+    error = float(np.sqrt(np.sum(scores**2) * beams / (beams - 2)) / total)
+    return slope, error * float(student.isf(DRIFT_FALSE_ALARM, beams - 2))

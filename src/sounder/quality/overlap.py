@@ -126,5 +126,6 @@ def _mend_drift(scan: Scan, delays: Delays) -> bool:
     scan.power[...] = np.abs(scan.responses) ** 2
     scan.delay_std = bound / float(norm.isf(DRIFT_FALSE_ALARM)) * order.size * sample
     figures = total * sample * 1e9, bound * order.size * sample * 1e9
-    scan.remarks.append(Remark(Code.CLOCK_DRIFT, figure=figures[0], bound=figures[1]))
+    detail = f"the clock drifts by {figures[0]:+.2f} ns over the scan"
+    scan.remarks.append(Remark(Code.CLOCK_DRIFT, figure=figures[0], bound=figures[1], detail=detail))
     return True

@@ -62,3 +62,14 @@ def test_the_drift_of_a_clock_is_measured_beside_a_slip():
     drift, bound = clock_drift(delays(3, offset), ORDER)
     assert drift * BEAMS == pytest.approx(0.24, abs=bound * BEAMS)
     assert bound * BEAMS < 0.1
+
+
+def test_one_path_in_the_sidelobes_of_all_beams_tells_a_drift():
+    rng = np.random.default_rng(4)
+    beam, same = np.arange(BEAMS), np.zeros(BEAMS, int)
+    for total in (0.0, 0.24):
+        late = total * ORDER / BEAMS + 0.05 * rng.normal(size=BEAMS)
+        seen = Delays(same, beam, late, np.full(BEAMS, 0.25), np.ones(BEAMS, bool))
+        drift, bound = clock_drift(seen, ORDER)
+        assert abs(drift - total / BEAMS) < bound
+        assert (abs(drift) > bound) == (total > 0)
