@@ -38,6 +38,7 @@ class Reason(StrEnum):
     LOSS = "loss", "reflection loss above the threshold"
     ELEVATION = "elevation", "elevation inconsistent with a vertical wall"
     DEPARTURE = "departure", "departure inconsistent with a single reflection"
+    UNCERTAIN = "uncertain", "errors so large that it agrees with any wall"
     # set by `erm.reconstruction.reconstruct`
     NOT_SHARED = "not_shared", "no wall shared with other positions"
     CURVED_FACE = "curved_face", "off a curved face that walls hide"

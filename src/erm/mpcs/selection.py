@@ -161,6 +161,7 @@ def select(
         # if its gain at the elevation of a vertical wall exceeds free space, it arrived from another elevation
         Reason.ELEVATION: ~fits_vertical_wall(table) | (loss + margin < -MAX_GAIN_EXCESS),
         Reason.DEPARTURE: is_no_single_reflection(table, direct),
+        Reason.UNCERTAIN: (partners_by_chance(table, link) > 1) & (threshold == "consistency"),
     }
     reason = np.full(table.sizes["mpc"], Reason.ACCEPTED, dtype=object)
     for why, holds in reasons.items():
@@ -234,6 +235,23 @@ def fits_vertical_wall(table: "xr.Dataset") -> BoolArray:
         for name, excess in (("elevation", elevation_excess(table)), ("departure_elevation", departing))
     ]
     return ~(wrong[0] | wrong[1])
+
+
+def partners_by_chance(table: "xr.Dataset", link: npt.NDArray[np.int64]) -> FloatArray:
+    """Number (mpc,) of MPCs that an antenna pair has by chance within the errors of each of its MPCs.
+
+    Within `SIGMAS` of an MPC is the area ``pi 9 s_L s_a`` of lengths and azimuths. The ``n`` MPCs of
+    the pair are spread over the range ``R`` of their lengths and 360 degrees, so that
+    ``n pi 9 s_L s_a / (360 R)`` of them are in it by chance. An MPC with more than one agrees with any wall.
+    """
+    length = path_length(table)
+    count = np.bincount(link)
+    longest, shortest = np.full(count.size, -np.inf), np.full(count.size, np.inf)
+    np.maximum.at(longest, link, length)
+    np.minimum.at(shortest, link, length)
+    spread = (longest - shortest)[link] * 360.0
+    gate = np.pi * SIGMAS**2 * c * table["delay_std"].values * table["azimuth_std"].values
+    return count[link] * np.minimum(np.divide(gate, spread, out=np.zeros(len(gate)), where=spread > 0), 1.0)
 
 
 def letter_loss_limit(loss: FloatArray, link: npt.NDArray[np.int64], strongest: BoolArray, direct: BoolArray) -> float:

@@ -71,10 +71,13 @@ def posterior(
     delay = share @ mean[:, :, DELAY]
     within = np.einsum("s,sij->ij", share, drawn_block)
     drawn, likelihood = np.zeros((0, DRAWN_PARAMETERS.size)), np.zeros(0)
+    middle, spread = share @ flat[:, DRAWN_PARAMETERS], within
     for _ in range(DRAW_ROUNDS):
         new = _draw(*proposals[-1], rng)
         drawn = np.concatenate([drawn, new])
         likelihood = np.concatenate([likelihood, _log_likelihood(new.reshape(-1, 2, 3), delay, bounds, beams, scan)])
+        if not np.isfinite(likelihood).any():
+            break  # all draws are outside of the bounds: the fits are all that is known
         density = np.logaddexp.reduce([_log_density(drawn, *proposal) for proposal in proposals], axis=0)
         weight = np.exp(likelihood - density - np.max(likelihood - density))
         weight /= weight.sum()
@@ -115,6 +118,8 @@ def _log_density(drawn: Real, middle: Real, covariance: Real, share: Real) -> Re
 
 def _log_likelihood(drawn: Real, delay: Real, bounds: Real, beams: BeamSamples, scan: Scan) -> Real:
     """Logarithm of likelihood and prior (draw,) of two paths (draw, 2, 3)."""
+    inside = ((drawn >= bounds[0, :3]) & (drawn <= bounds[1, :3])).all(axis=(1, 2))
+    drawn = np.clip(drawn, bounds[0, :3], bounds[1, :3])  # amplitudes of draws outside may be beyond any number
     pulse, _ = scan.centred_pulse.at(delay)
     output = beams.samples @ pulse.conj().T  # (beam, path)
     toward = 10 ** (scan.pattern.beam_gain(drawn[..., :1], drawn[..., 1:2], *beams.directions.T) / 20)
@@ -133,7 +138,6 @@ def _log_likelihood(drawn: Real, delay: Real, bounds: Real, beams: BeamSamples, 
     cost = own - u + 0.5 * np.log(0.5 + u)
     same_phase, own_phases = _log_mean(-cost.sum(axis=1, dtype=float)), _log_mean(-cost).sum(axis=1, dtype=float)
     difference = drawn[:, 0, 2] - drawn[:, 1, 2]
-    inside = ((drawn >= bounds[0, :3]) & (drawn <= bounds[1, :3])).all(axis=(1, 2))
     likelihood: Real = np.logaddexp(same_phase, own_phases) - 0.5 * (difference / LEVEL_SPREAD) ** 2
     return np.where(inside, likelihood, -np.inf)
 

@@ -113,7 +113,9 @@ def _collect_inliers(images: Images, lines: Lines, free: BoolArray) -> tuple[Rag
     chi2 = misfits(paths.columns, rows, lines, of)
     inside = np.flatnonzero(chi2 < CHI_SQUARED_GATE)
     of, rows, chi2 = of[inside], rows[inside], chi2[inside]
-    cost = chi2 + CHI_SQUARED_PER_DECIBEL * paths.loss[rows] + paths.elevation_misfit[rows]
+    # the denser of two paths of a link there, not the one of the larger errors: -2 ln of the density of errors
+    spread = 2 * np.log(paths.length_std[rows] * paths.azimuth_std[rows])
+    cost = chi2 + spread + CHI_SQUARED_PER_DECIBEL * paths.loss[rows] + paths.elevation_misfit[rows]
     best = best_of_each_link(of, paths.link[rows], rows, cost)
     return Ragged.from_pairs(of[best], rows[best], len(lines.normal)), chi2[best]
 
