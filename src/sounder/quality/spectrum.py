@@ -42,7 +42,7 @@ def spectral_lines(
     inside = inside[np.argsort((inside + size // 2) % size)]
     block = max(size // BLOCKS, 1)
     inside = inside[: inside.size // block * block]
-    if not inside.size:
+    if not inside.size or not len(responses):
         return np.full(len(responses), -np.inf), 0.0
     power = np.abs(np.fft.fft(responses)[:, inside] / deembedding.weight[inside]) ** 2
     power[:, inside == 0] = 0  # not measured
