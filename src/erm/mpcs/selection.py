@@ -45,6 +45,8 @@ DIRECT_AZIMUTH = 5.0
 ELEVATION_TOLERANCE = 3.0
 """Deviation of elevations that is tolerated beyond their errors [degree]: a scan of few elevations is biased by 2
 degrees beyond its edges, all paths alike."""
+ELEVATION_STD = ELEVATION_TOLERANCE / SIGMAS
+"""The same as a standard error."""
 
 
 def select(

@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from erm.common.constants import c
 from erm.geometry.vertical import FloatArray
+from erm.mpcs.selection import ELEVATION_STD
 from erm.mpcs.standard_errors import ASSUMED, SMALLEST_ERRORS
 from erm.mpcs.table import free_space_gain
 from erm.survey.direct_paths import (
-    ELEVATION_STD,
     USUAL_CLOCK,
     USUAL_HEADING,
     DirectPaths,

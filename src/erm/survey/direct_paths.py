@@ -23,6 +23,7 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from erm.geometry.vertical import FloatArray, angle_difference
+from erm.mpcs.selection import ELEVATION_STD
 from erm.survey.observations import IntArray, Observations
 
 BoolArray = npt.NDArray[np.bool_]
@@ -30,8 +31,6 @@ BoolArray = npt.NDArray[np.bool_]
 FIRST_AND_STRONGEST = 0.45
 """Probability that a direct path is the first MPC of its pair, and that it is the strongest one; the rest is shared by
 all. Chosen."""
-ELEVATION_STD = 1.0
-"""Error of elevations beyond the stated one [degree]: a third of the tolerance of `erm.mpcs.selection`."""
 LEAST_ELEVATION_AGREEMENT = 0.02
 """Agreement of an elevation that contradicts: all elevations may be wrong. Chosen."""
 SPREADS = ((0.0, 0.0), (0.1, 1.0), (0.3, 3.0), (1.0, 5.0))

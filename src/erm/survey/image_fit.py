@@ -16,20 +16,17 @@ import numpy.typing as npt
 
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs.antenna_pairs import distinct_rows
-from erm.mpcs.standard_errors import robust_std
+from erm.mpcs.standard_errors import SIGMAS, robust_std
+from erm.survey.bundle import HUBER_THRESHOLD
 from erm.survey.direct_paths import rank
 from erm.survey.observations import IntArray, Observations
 
 LOUDEST = 12
 """MPCs of each antenna pair that are used; chosen for time."""
-GATE = 9.0
-"""Squared normalised distance of a path from an image: 3 standard errors of one coordinate."""
 FEWEST_LINKS = 3
 """Fewest antenna pairs of an image: two circles always meet."""
 ROUNDS = 4
 """Rounds of assigning paths to images and fitting."""
-HUBER = 2.5
-"""Normalised residual beyond which a path counts less [Huber]."""
 STEPS = 8
 """Steps of Gauss and Newton in a round."""
 BoolArray = npt.NDArray[np.bool_]
@@ -123,7 +120,7 @@ class _Problem:
         free = ~direct
         length, azimuth = self.residuals(heading, clock, image[:, None])
         chi = (length / self.length_std) ** 2 + (azimuth / self.azimuth_std) ** 2
-        near = (chi < GATE) & (self.transmitter == self.transmitter[:, None])
+        near = (chi < SIGMAS**2) & (self.transmitter == self.transmitter[:, None])
         links = len(self.seen.tx)
         while True:
             shared = near & free
@@ -174,7 +171,7 @@ class _Problem:
                     jacobian[moving, 2 + 2 * k[moving] + axis] = slopes[part][moving, axis]
                 std = stds[part]
                 total = np.hypot(std, self.spreads[part])
-                weight = np.minimum(1.0, HUBER / np.maximum(np.abs(residual[part] / total), 1e-9)) / std**2
+                weight = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(residual[part] / total), 1e-9)) / std**2
                 matrix += (jacobian * weight[:, None]).T @ jacobian
                 vector += jacobian.T @ (weight * residual[part])
                 if self.spreads[part]:

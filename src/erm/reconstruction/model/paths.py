@@ -12,8 +12,7 @@ from erm.common.constants import c
 from erm.geometry.vertical import FloatArray, virtual_anchor
 from erm.mpcs.antenna_pairs import distinct_rows
 from erm.mpcs.faces import elevation_excess
-from erm.mpcs.selection import ELEVATION_TOLERANCE
-from erm.mpcs.standard_errors import SIGMAS
+from erm.mpcs.selection import ELEVATION_STD
 from erm.mpcs.table import path_length
 
 if TYPE_CHECKING:
@@ -144,11 +143,8 @@ class Paths:
 
     @cached_property
     def elevation_misfit(self) -> FloatArray:
-        """Squared deviation (path,) of the elevation from that of a path off vertical walls; 0 where it is unknown.
-
-        `ELEVATION_TOLERANCE` counts as `SIGMAS` standard errors of a scan.
-        """
-        std = np.hypot(self.elevation_std, ELEVATION_TOLERANCE / SIGMAS)
+        """Squared deviation (path,) of the elevation from that of a path off vertical walls; 0 where it is unknown."""
+        std = np.hypot(self.elevation_std, ELEVATION_STD)
         return np.nan_to_num((self.elevation_excess / std) ** 2)
 
     def virtual_anchors(self) -> FloatArray:
