@@ -11,7 +11,13 @@ from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.reconstruction.assemble import assemble
 from erm.reconstruction.bundle_walls import bundle_walls
-from erm.reconstruction.curved.faces import Curved, beside_walls, find_curved_faces
+from erm.reconstruction.curved.faces import (
+    Curved,
+    beside_walls,
+    chains_off,
+    find_curved_faces,
+    without_ghosts_of_poles,
+)
 from erm.reconstruction.decision.decide import Decision, decide_walls
 from erm.reconstruction.decision.pieces import Links
 from erm.reconstruction.delay_wraps import add_wrapped_paths, with_wrapped_delays
@@ -148,9 +154,11 @@ def locate_walls(
     decision, chains, positions = bundle_walls(table, measured, decision, positions, max_gap)
     candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
     explained = np.concatenate([chains, *(wall.paths.row for wall in [*decision.walls, *candidates])])
-    pole_paths = measured.take(_may_be_off_poles(table, explained))
-    poles = find_poles(pole_paths, decision.walls, min_support)
     curved = beside_walls(curved, decision.walls)
+    pole_paths = measured.take(_may_be_off_poles(table, explained))
+    pole_paths = pole_paths.take(~chains_off(curved, decision.walls, pole_paths))
+    poles = find_poles(pole_paths, decision.walls, min_support)
+    curved = without_ghosts_of_poles(curved, poles, decision.walls)
     environment, located = assemble(decision, chains, poles, pole_paths, table, curved, max_gap)
     image = np.full(table.sizes["mpc"], -1)
     for number, group in enumerate(groups):

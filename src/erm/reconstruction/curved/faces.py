@@ -10,13 +10,14 @@ from erm.geometry.vertical import FloatArray
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.reconstruction.curved.choose import curved_faces
-from erm.reconstruction.curved.ghosts import without_ghosts
+from erm.reconstruction.curved.ghosts import Cylinder, explained_by_chains, without_ghosts
 from erm.reconstruction.curved.search import CurvedFace, CylinderSearch
 from erm.reconstruction.decision.pieces import hidden_legs, span
 from erm.reconstruction.model.extent import MAX_FRESNEL_MARGIN, Legs, solid_footprint
-from erm.reconstruction.model.paths import IntArray, Paths
+from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.poles.point_scatterers import MAX_RADIUS
+from erm.reconstruction.poles.poles import Pole
 from erm.reconstruction.search.greedy import Group
 
 if TYPE_CHECKING:
@@ -76,6 +77,26 @@ def beside_walls(curved: Curved, walls: Sequence[Wall]) -> Curved:
         if np.mean(hidden) < 0.5:
             kept.append(face)
     return curved._replace(faces=without_ghosts(kept, curved.search, [wall.line for wall in walls], free))
+
+
+def chains_off(curved: Curved, walls: Sequence[Wall], paths: Paths) -> BoolArray:
+    """Whether (path,) chains off a curved face and a wall explain paths."""
+    return explained_by_chains(paths, [Cylinder.of(face) for face in curved.faces], [wall.line for wall in walls])
+
+
+def without_ghosts_of_poles(curved: Curved, poles: Sequence[Pole], walls: Sequence[Wall]) -> Curved:
+    """Curved faces of which chains off poles and walls do not explain most paths.
+
+    The radius of a pole, that of a perfectly reflecting one, is known to its own size.
+    """
+    cylinders = [
+        Cylinder(pole.centre, pole.radius, np.pad(pole.covariance, (0, 1)) + np.diag([0.0, 0.0, pole.radius**2]))
+        for pole in poles
+    ]
+    lines = [wall.line for wall in walls]
+    paths = [curved.paths.take(face.inliers) for face in curved.faces]
+    explained = [explained_by_chains(own, cylinders, lines).mean() for own in paths]
+    return curved._replace(faces=[face for face, share in zip(curved.faces, explained, strict=True) if share < 0.5])
 
 
 def is_pole(face: CurvedFace) -> bool:

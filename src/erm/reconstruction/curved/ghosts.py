@@ -47,6 +47,19 @@ class Seen(NamedTuple):
     radius: float
 
 
+class Cylinder(NamedTuple):
+    """A known cylinder."""
+
+    centre: FloatArray  # (2,) m
+    radius: float  # m
+    covariance: FloatArray  # (3, 3) m2, of east, north and radius
+
+    @classmethod
+    def of(cls, face: CurvedFace) -> "Cylinder":
+        """Return that of a curved face."""
+        return cls(face.fit.centre, face.fit.radius, face.fit.covariance)
+
+
 Chain = Callable[[Paths, FloatArray], Seen]
 """What paths are in the mirrors of a chain of given parameters."""
 
@@ -68,13 +81,9 @@ def without_ghosts(
     """
     free = free.copy()
     accepted: list[CurvedFace] = []
-    for face in sorted(faces, key=lambda face: -face.evidence):
+    for face in sorted(faces, key=lambda face: (_is_behind(face, search.paths, lines), -face.evidence)):
         own = search.paths.take(face.inliers)
-        explained = np.zeros(len(own), dtype=bool)
-        for known, line in product(accepted, lines):
-            for chain in _known_chains(own, known, line):
-                chi2 = _chi_squared(own, chain, known.fit.covariance)
-                explained |= chi2 < CHI_SQUARED_GATE
+        explained = explained_by_chains(own, [Cylinder.of(known) for known in accepted], lines)
         if explained.any():
             if np.count_nonzero(~explained) < MIN_PATHS:
                 continue
@@ -94,9 +103,21 @@ def without_ghosts(
     return accepted
 
 
-def _known_chains(own: Paths, face: CurvedFace, line: Line) -> list[Seen]:
-    """Chains off a wall and a cylinder, in both orders."""
-    return [chain(own, np.array([*face.fit.centre, face.fit.radius])) for chain in _mirrors(line)]
+def explained_by_chains(own: Paths, cylinders: Sequence[Cylinder], lines: Sequence[Line]) -> BoolArray:
+    """Whether (path,) chains off a known cylinder and a wall, in either order, explain paths."""
+    explained = np.zeros(len(own), dtype=bool)
+    for cylinder, line in product(cylinders if len(own) else [], lines):
+        for chain in _mirrors(line):
+            seen = chain(own, np.array([*cylinder.centre, cylinder.radius]))
+            explained |= _chi_squared(own, seen, cylinder.covariance) < CHI_SQUARED_GATE
+    return explained
+
+
+def _is_behind(face: CurvedFace, paths: Paths, lines: Sequence[Line]) -> bool:
+    """Whether most reflection points are behind a wall, or the line beyond its ends: images are, faces seldom."""
+    own = paths.take(face.inliers)
+    behind = [(one.signed_distance(own.rx) > 0) & (one.signed_distance(face.fit.point) < 0) for one in lines]
+    return any(np.mean(one) > 0.5 for one in behind)
 
 
 def _mirrors(line: Line) -> list[Chain]:

@@ -66,3 +66,12 @@ def test_rooms_of_planes_get_no_cylinder(noise):
     room = Environment.walls(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1), top=5.0)
     table = measured(room, 3, delay_std=noise, azimuth_std=10 * noise, order=2)
     assert set(erm.reconstruct(table)[0].reflectors.kind.values) == {"wall"}
+
+
+@pytest.mark.slow
+def test_chains_off_a_pillar_and_walls_are_no_pillars():
+    place = Environment.walls([[[15.0, 12.0], [-15.0, 12.0]], [[-15.0, -12.0], [15.0, -12.0]]], top=9.0)
+    place = place.with_poles([[5.0, -6.0]], 0.35, top=9.0)
+    found = erm.reconstruct(measured(place, 6, delay_std=0.05, azimuth_std=0.3, order=2))[0].reflectors
+    assert sorted(found.kind.values.tolist()) == ["pole", "wall", "wall"]
+    assert found.centre.values[found.kind.values == "pole"] == pytest.approx(np.array([[5.0, -6.0]]), abs=0.1)

@@ -50,6 +50,7 @@ def paths(rx, *chain, loss=6.0, loss_std=0.5):
         elevation_excess=np.nan * one,
         elevation_std=np.nan * one,
         row=np.arange(count),
+        scatter=np.zeros((count, 2)),
     )
 
 
