@@ -62,7 +62,7 @@ def project(tmp_path_factory) -> Path:
     head, *receivers = re.split(r"(?=^\[\[receivers\]\])", scene.read_text(encoding="utf-8"), flags=re.MULTILINE)
     last, rest = re.split(r"(?=^\[environment)", receivers.pop(), maxsplit=1, flags=re.MULTILINE)
     kept = [text for text in [*receivers, last] if re.search(r'name = "(\w+)"', text)[1] in RECEIVERS]
-    head = head.replace("snapshots = 8", "snapshots = 1")
+    head = head.replace("snapshots = 8", "snapshots = 2")
     scene.write_text("".join([head, *kept, rest]), encoding="utf-8")
     campaign = folder / "examples" / "campaigns" / "demo.toml"
     campaign.write_text(f'{campaign.read_text(encoding="utf-8")}\n[figures]\npositions = "none"\n', encoding="utf-8")
