@@ -66,10 +66,10 @@ def test_parallel_walls_three_metres_apart_stay_two():
 
 
 def test_faces_half_a_metre_apart_are_told_apart():
-    rx = route(16)
-    rx = rx[np.argsort(rx[:, 0])]  # one after the other: faces that alternate would be parts of one facade
-    tx = np.tile(TX[0], (8, 1))
-    parts = [bounces(tx, rx[:8], (90.0, -20.0)), bounces(tx, rx[8:], (90.0, -20.5))]
+    rx = route(24)
+    tx = np.tile(TX[0], (len(rx), 1))
+    near = rx[:, 0] < np.median(rx[:, 0])  # one after the other: faces that alternate are parts of one facade
+    parts = [bounces(tx[near], rx[near], (90.0, -20.0)), bounces(tx[~near], rx[~near], (90.0, -20.5))]
     environment, _ = reconstruct(select(joined(parts, 1e-10, 0.5)), max_gap=np.inf)
     offsets = np.unique(environment.reflectors["offset"].values)
     # 3 cm of path are 2 cm of offset, less by the averaging
