@@ -128,7 +128,7 @@ def back_to_back(path: Path, layout: Layout, sounder: Sounder, *, calibration: P
         captures = _captures(file, block, shape, {}, descending=is_descending(file, frequency))
         if kind == "cir":
             if sequence is not None:
-                captures = correlated(captures, sequence, source)
+                captures = np.roll(correlated(captures, sequence, source), block.shift, axis=-1)
             captures = cut_around_peak(captures, instrument.waveform.samples)
         scale = layout.scale_factor if block.scale_factor is None else block.scale_factor
         return BackToBack(

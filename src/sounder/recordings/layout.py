@@ -229,12 +229,14 @@ class BackToBackSamples(Samples):
     """Back-to-back captures through ``attenuation`` [dB], in the same file or in that of ``--calibration``.
 
     ``kind`` is that of the captures, or ``iq`` where those are impulse responses: it is then correlated with the
-    described sequence, as a mean over the samples. ``frequency`` is that of the captures, if it is not given.
+    described sequence, as a mean over the samples, and delayed by ``shift`` samples, where the responses were
+    correlated with a sequence that begins so much later. ``frequency`` is that of the captures, if it is not given.
     """
 
     attenuation: Number
     kind: Kind | None = None
     frequency: Numbers | None = None
+    shift: int = 0
     scale_factor: Number | None = None
     includes_tx_antenna: bool = False
 

@@ -207,13 +207,18 @@ attenuation = 40.0
         return np.fft.ifft(np.fft.fft(x) * template).astype(np.complex64)
 
     content = {"iq": iq, "iq_b2b": sent, "cir": correlated(iq), "cir_b2b": correlated(sent)}
+    # correlated with a sequence that begins 10 samples later, as the back-to-back, which is IQ, was not
+    content |= {"later": np.roll(correlated(iq), 10, axis=-1) / iq.shape[-1], "later_b2b": sent}
     with h5py.File(tmp_path / "both.h5", "w") as file:
         for name, data in content.items():
             file[name] = data.astype(np.complex64)
     cirs = []
-    for kind in ("iq", "cir"):
-        (recording,), b2b = opened(tmp_path / "both.h5", layout.replace("KIND", kind))
+    later = layout.replace('kind = "KIND"', 'kind = "cir"').replace("[back_to_back]", '[back_to_back]\nkind = "iq"')
+    later = later.replace("attenuation = 40.0", "attenuation = 40.0\nshift = 10").replace("KIND", "later")
+    for text in (layout.replace("KIND", "iq"), later, layout.replace("KIND", "cir")):
+        (recording,), b2b = opened(tmp_path / "both.h5", text)
         cirs.append(impulse_responses(recording, calibrate(b2b, recording))[0]["cir"].values)
-    np.testing.assert_allclose(cirs[1], cirs[0], atol=1e-4 * np.abs(cirs[0]).max())
+    for other in cirs[1:]:
+        np.testing.assert_allclose(other, cirs[0], atol=1e-4 * np.abs(cirs[0]).max())
     with pytest.raises(DataError, match="phase-aligned averaging needs IQ captures"):
         impulse_responses(recording, calibrate(b2b, recording), averaging="phase-aligned")
