@@ -204,6 +204,8 @@ def slips(delays: Delays, beams: int) -> Integers:
     off, agree, sure = _against_others(delays, beams)
     shifts, far = np.zeros(beams, np.int64), np.zeros(beams, bool)
     suspects = np.unique(delays.beam[sure & (np.abs(off) > 0.5)])
+    if 2 * suspects.size > np.unique(delays.beam[sure]).size:  # the others are no reference
+        return shifts
     for beam in suspects:
         own = np.flatnonzero(sure & (delays.beam == beam))
         best = own[np.argmax(agree[own])]
@@ -246,7 +248,8 @@ def clock_drift(delays: Delays, order: Integers) -> tuple[float, float]:
     Least squares with a delay ``t_p`` of each path, ``d = t_p + drift n``, for the delay ``d`` in the beam with the
     number ``n`` in the scan, with Huber's weights. What a beam adds to the error is common to its paths: the standard
     error is that of the sums of the beams (Liang and Zeger, Biometrika 73, 1986), the bound a quantile of Student's
-    distribution.
+    distribution. Paths that are not resolved make delays depend on azimuth and elevation as a drift may, by up to
+    `UNRESOLVED`: where the bound of the drift over the scan is larger, nothing is said, and it is infinite.
     """
     number = order[delays.beam].astype(float)
     weight = np.ones(number.size)
@@ -267,4 +270,5 @@ def clock_drift(delays: Delays, order: Integers) -> tuple[float, float]:
         scores = np.bincount(delays.beam, weight * away * residual)
         weight = np.minimum(1, 1.5 * scale / np.maximum(np.abs(residual), 1e-9))
     error = float(np.sqrt(np.sum(scores**2) * beams / (beams - 2)) / total)
-    return slope, error * float(student.isf(DRIFT_FALSE_ALARM, beams - 2))
+    bound = error * float(student.isf(DRIFT_FALSE_ALARM, beams - 2))
+    return slope, bound if bound * order.size < UNRESOLVED else np.inf
