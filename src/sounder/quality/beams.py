@@ -254,8 +254,7 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     least = paths.seen[:, :1] - paths.losses
     unseen = (others < np.maximum(np.minimum(least - FADING, UNSEEN), least - MISSING)).any(axis=1)
     np.maximum.at(figure, paths.beam[unseen], (paths.seen[:, 0] - others.min(axis=1, initial=np.inf))[unseen])
-    figure = np.where(agrees, 0, figure)
-    return np.maximum(figure, _missing_everywhere(paths, snr))
+    return np.where(agrees, 0, np.maximum(figure, _missing_everywhere(paths, snr)))
 
 
 def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
@@ -267,7 +266,7 @@ def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
     level = 10 * np.log10(np.maximum(snr[:, three].max(axis=1), NOTHING))
     low, usual, high = np.quantile(level[used], [0.25, 0.5, 0.75])
     least = low - SPREAD * (high - low) - AGREEMENT
-    missing = used & (level < min(least, UNSEEN))
+    missing = used & (level < min(least, UNSEEN)) & (low > EXPECTED)
     return np.where(missing, usual - level, 0)
 
 
