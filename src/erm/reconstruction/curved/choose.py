@@ -59,12 +59,20 @@ def curved_faces(
     accepted: list[CurvedFace] = []
     taken = np.zeros(len(pool), dtype=bool)
     changed: set[int] = set()
+    threshold = THOUSAND_TO_ONE + np.log(
+        max(len(pool), 1)
+    )  # one search from each path: as many chances of a false alarm
     while candidates:
-        lost = [_loss(face, search, owner, paths, left, odds, volume, min_support) for face in candidates]
-        gains = [face.evidence - without for face, without in zip(candidates, lost, strict=True)]
-        best = int(np.argmax(gains))
-        # one search from each path: as many chances of a false alarm
-        if gains[best] < THOUSAND_TO_ONE + np.log(len(pool)):
+        # planes lose nothing at best: a face gains no more than its evidence
+        best, gain = -1, threshold
+        for number in sorted(range(len(candidates)), key=lambda number: -candidates[number].evidence):
+            face = candidates[number]
+            if face.evidence < gain:
+                break
+            without = _loss(face, search, owner, paths, left, odds, volume, min_support)
+            if face.evidence - without > gain:
+                best, gain = number, face.evidence - without
+        if best < 0:
             break
         face = candidates.pop(best)
         if taken[face.inliers].any():  # without the paths that others have it is less likely
