@@ -266,7 +266,7 @@ def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
     level = 10 * np.log10(np.maximum(snr[:, three].max(axis=1), NOTHING))
     low, usual, high = np.quantile(level[used], [0.25, 0.5, 0.75])
     least = low - SPREAD * (high - low) - AGREEMENT
-    missing = used & (level < min(least, UNSEEN)) & (low > EXPECTED)
+    missing = used & (level < min(least, UNSEEN)) & (low > UNSEEN)
     return np.where(missing, usual - level, 0)
 
 
