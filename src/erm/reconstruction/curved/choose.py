@@ -116,12 +116,12 @@ def _loss(
     lost = 0.0
     for number in set(owner[rows].tolist()) - {-1}:
         kept = ~np.isin(paths.row[left[number]], rows)
-        # the same clutter as for the cylinder, and as many links that received nothing
-        before = float((odds[number] - denser[paths.row[left[number]]]).sum()) + volume[number] + face.log_view
-        before = max(before, 0.0)
+        # the same clutter as for the cylinder
+        before = float((odds[number] - denser[paths.row[left[number]]]).sum()) + volume[number]
         after = float(odds[number][kept].sum()) + volume[number] if np.count_nonzero(kept) >= min_support else 0.0
-        lost += before - max(after, 0.0)
-    return lost
+        lost += max(before, 0.0) - max(after, 0.0)
+    # the planes together have as many links that received nothing
+    return max(lost + face.log_view, 0.0)
 
 
 def _plane_log_odds(paths: Paths, group: Group, search: CylinderSearch) -> np.ndarray:

@@ -7,16 +7,16 @@ explanations are compared by their evidence (Laplace's method), faces with the m
 """
 
 from collections.abc import Callable, Sequence
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from erm.common.odds import TWENTY_TO_ONE
-from erm.geometry.cylinders import bounce
+from erm.geometry.cylinders import Bounce, bounce
 from erm.geometry.vertical import (
     FloatArray,
     angle_difference,
+    azimuth_of,
     bisector,
     horizontal_length,
     mirrored,
@@ -26,7 +26,7 @@ from erm.geometry.vertical import (
 from erm.reconstruction.curved.elements import LOSS_RANGE, TYPICAL_LOSS, log_odds_of_loss
 from erm.reconstruction.curved.search import MIN_PATHS, CurvedFace, CylinderSearch, log_prior, path_log_odds
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
-from erm.reconstruction.model.line import Line, mirror_images
+from erm.reconstruction.model.line import Line, Lines, mirror_images
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 
 MAX_STEPS = 12
@@ -106,11 +106,44 @@ def without_ghosts(
 def explained_by_chains(own: Paths, cylinders: Sequence[Cylinder], lines: Sequence[Line]) -> BoolArray:
     """Whether (path,) chains off a known cylinder and a wall, in either order, explain paths."""
     explained = np.zeros(len(own), dtype=bool)
-    for cylinder, line in product(cylinders if len(own) else [], lines):
-        for chain in _mirrors(line):
-            seen = chain(own, np.array([*cylinder.centre, cylinder.radius]))
-            explained |= _chi_squared(own, seen, cylinder.covariance) < CHI_SQUARED_GATE
+    if not len(own) or not lines:
+        return explained
+    for cylinder in cylinders:
+        for seen, which in _in_mirrors(own, cylinder, Lines.from_list(list(lines))):
+            explained[which[_chi_squared(own.take(which), seen, cylinder.covariance) < CHI_SQUARED_GATE]] = True
     return explained
+
+
+def _in_mirrors(own: Paths, cylinder: Cylinder, lines: Lines) -> list[tuple[Seen, IntArray]]:
+    """Paths in the mirror of each line before or after a cylinder, where they may meet it, and which paths they are.
+
+    A reflection is within a radius of the axis. The length differs from that over the axis by at most two radii then,
+    and the azimuth from that of the axis by at most ``asin(radius / distance)``.
+    """
+    gate = np.sqrt(CHI_SQUARED_GATE)
+    # a metre of centre or radius changes a length by two metres at most
+    reach = abs(cylinder.radius) + gate * np.sqrt(8 * np.trace(cylinder.covariance))
+    length = horizontal_length(own.tx, own.rx, own.length)
+    tolerance = 2 * reach + gate * own.length_std * own.length / length
+    n = unit(lines.normal)
+    level = lines.offset + np.sum(n * lines.pivot, axis=-1)
+    found = []
+    for wall_first in (True, False):
+        antenna = (own.tx if wall_first else own.rx)[:, :2]
+        depth = antenna @ n.T - level  # (path, line)
+        image = antenna[:, None] - 2 * depth[..., None] * n
+        tx, rx = (image, own.rx[:, None, :2]) if wall_first else (own.tx[:, None, :2], image)
+        azimuth = np.broadcast_to(own.azimuth[:, None], depth.shape)
+        if not wall_first:
+            azimuth = 2 * (lines.normal + 90) - azimuth
+        first, last = (np.linalg.norm(cylinder.centre - end, axis=-1) for end in (tx, rx))
+        aside = np.where(last > reach, np.rad2deg(np.arcsin(np.minimum(reach / last, 1.0))), 180.0)
+        toward = np.abs(angle_difference(azimuth, azimuth_of(cylinder.centre - rx)))
+        near = (depth > 0) & (np.abs(length[:, None] - first - last) <= tolerance[:, None])
+        which, line = np.nonzero(near & (toward <= aside + gate * own.azimuth_std[:, None]))
+        mirrored_ends = [np.broadcast_to(end, image.shape)[which, line] for end in (tx, rx)]
+        found.append((Seen(*mirrored_ends, azimuth[which, line], cylinder.centre, cylinder.radius), which))
+    return found
 
 
 def _is_behind(face: CurvedFace, paths: Paths, lines: Sequence[Line]) -> bool:
@@ -196,10 +229,14 @@ def _elements(own: Paths, seen: Seen) -> tuple[FloatArray, FloatArray]:
     return reflection_point(tx, rx, own.length, seen.azimuth)
 
 
-def _compare(own: Paths, seen: Seen) -> FloatArray:
-    """Measured minus predicted length and azimuth (path, 2) of a chain, in standard errors; NaN where impossible."""
+def _bounce(own: Paths, seen: Seen) -> Bounce:
+    """Reflections of a chain off its cylinder, nearest to what was measured."""
     _, normal = _elements(own, seen)
-    found = bounce(seen.tx, seen.rx, seen.centre, np.full(len(own), seen.radius), normal)
+    return bounce(seen.tx, seen.rx, seen.centre, np.full(len(own), seen.radius), normal)
+
+
+def _compare(own: Paths, seen: Seen, found: Bounce) -> FloatArray:
+    """Measured minus predicted length and azimuth (path, 2) of a chain, in standard errors; NaN where impossible."""
     slant = np.hypot(found.length, own.tx[:, 2] - own.rx[:, 2])
     residual = np.stack([own.length - slant, angle_difference(seen.azimuth, found.azimuth)], axis=-1)
     return residual / np.stack([own.length_std, own.azimuth_std], axis=-1)
@@ -207,11 +244,10 @@ def _compare(own: Paths, seen: Seen) -> FloatArray:
 
 def _chi_squared(own: Paths, seen: Seen, covariance: FloatArray) -> FloatArray:
     """Chi-squared (path,) of a chain off known faces, the error of the cylinder included; infinite if impossible."""
-    _, normal = _elements(own, seen)
-    found = bounce(seen.tx, seen.rx, seen.centre, np.full(len(own), seen.radius), normal)
+    found = _bounce(own, seen)
     std = np.stack([own.length_std, own.azimuth_std], axis=-1)
     slopes = np.stack([found.length_slopes, found.azimuth_slopes], axis=1) / std[:, :, None]
-    residual = _compare(own, seen)
+    residual = _compare(own, seen, found)
     usable = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1)
     chi2 = np.full(len(own), np.inf)
     spread = np.eye(2) + slopes[usable] @ covariance @ slopes[usable].swapaxes(-1, -2)
@@ -229,11 +265,14 @@ def _evidence(
     own = search.paths.take(ghost.inliers)
     parameters, count = start.copy(), len(start)
     normal_matrix = np.eye(count)
+
+    def compared(parameters: FloatArray) -> FloatArray:
+        seen = chain(own, parameters)
+        return _compare(own, seen, _bounce(own, seen))
+
     for _ in range(MAX_STEPS):
-        residual = _compare(own, chain(own, parameters))
-        slopes = np.stack(
-            [(residual - _compare(own, chain(own, parameters + STEP * one))) / STEP for one in np.eye(count)], axis=-1
-        )
+        residual = compared(parameters)
+        slopes = np.stack([(residual - compared(parameters + STEP * one)) / STEP for one in np.eye(count)], axis=-1)
         usable = np.isfinite(residual).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
         if np.count_nonzero(usable) < MIN_PATHS:
             return -np.inf
@@ -251,7 +290,7 @@ def _evidence(
     clutter = np.maximum(elements.log_clutter[len(ghost.inliers) :], ghost.log_clutter.mean())
     elements = elements._replace(log_clutter=np.r_[ghost.log_clutter, clutter])
     seen = chain(own, parameters)
-    residual = _compare(own, seen)
+    residual = _compare(own, seen, _bounce(own, seen))
     chi2 = np.where(np.isfinite(residual[:, 0]), np.sum(residual**2, axis=-1), np.inf)
     odds = path_log_odds(chi2, elements) + log_odds_of_loss(
         elements.loss - _excess(seen, own), elements.loss_std, 2 * TYPICAL_LOSS, np.sqrt(2) * LOSS_RANGE
@@ -264,8 +303,7 @@ def _evidence(
 
 def _excess(seen: Seen, own: Paths) -> FloatArray:
     """Loss (path,) by the divergence of the cylinder of a chain, the rays taken as level [dB]."""
-    _, normal = _elements(own, seen)
-    found = bounce(seen.tx, seen.rx, seen.centre, np.full(len(own), seen.radius), normal)
+    found = _bounce(own, seen)
     s1 = np.linalg.norm(found.point - seen.tx, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 1 + 2 * s1 * (found.length - s1) / (found.length * seen.radius * found.cosine)

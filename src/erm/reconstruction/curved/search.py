@@ -93,14 +93,17 @@ class CylinderSearch:
     def _faces(self, parameters: FloatArray, covariance: FloatArray, free: IntArray | None = None) -> list[CurvedFace]:
         """Cylinders, the first the likeliest, exact by Fermat's principle, that are likelier than clutter."""
         found: list[CurvedFace] = []
+        taken: list[set[int]] = []
         parameters, covariance = self._settled(parameters, covariance, self._fit_paths, free)
         of, rows, _ = self._agreeing(parameters, covariance, free)
         for number, inliers in enumerate(Ragged.from_pairs(of, rows, len(parameters))):
-            if any(np.isin(inliers, face.inliers).all() for face in found):
+            own = inliers.tolist()
+            if any(one.issuperset(own) for one in taken):
                 continue
             face = self.face(parameters[number], covariance[number], inliers)
             if face is not None and face.evidence > TWENTY_TO_ONE:
                 found.append(face)
+                taken.append(set(face.inliers.tolist()))
         return found
 
     def _best_pairs(self, seeds: IntArray) -> tuple[FloatArray, FloatArray]:
