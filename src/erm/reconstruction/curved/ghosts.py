@@ -141,8 +141,8 @@ def _in_mirrors(own: Paths, cylinder: Cylinder, lines: Lines) -> list[tuple[Seen
         toward = np.abs(angle_difference(azimuth, azimuth_of(cylinder.centre - rx)))
         near = (depth > 0) & (np.abs(length[:, None] - first - last) <= tolerance[:, None])
         which, line = np.nonzero(near & (toward <= aside + gate * own.azimuth_std[:, None]))
-        mirrored_ends = [np.broadcast_to(end, image.shape)[which, line] for end in (tx, rx)]
-        found.append((Seen(*mirrored_ends, azimuth[which, line], cylinder.centre, cylinder.radius), which))
+        tx, rx = (np.broadcast_to(end, image.shape)[which, line] for end in (tx, rx))
+        found.append((Seen(tx, rx, azimuth[which, line], cylinder.centre, cylinder.radius), which))
     return found
 
 
