@@ -133,7 +133,8 @@ def locate_walls(
     curved, groups = find_curved_faces(table, measured, paths, groups, min_support)
     table = _without_curved(table, curved)
     count, number_as_measured = len(paths), len(groups)
-    free = ~np.isin(table["reason"].values, (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.CURVED_FACE))
+    told = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.CURVED_FACE, Reason.UNCERTAIN)
+    free = ~np.isin(table["reason"].values, told)
     paths, groups, wrapped = add_wrapped_paths(table, measured, free, paths, groups, min_support)
     ungrouped = np.zeros(len(paths), dtype=bool)
     ungrouped[np.searchsorted(rows, certain)] = True  # the others do not extend a wall
