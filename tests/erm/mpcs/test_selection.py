@@ -57,6 +57,16 @@ def test_a_path_off_ground_or_ceiling_is_no_direct_path_of_a_badly_surveyed_rece
     assert (reason[1:] == Reason.ELEVATION).all()
 
 
+def test_a_path_with_another_within_its_errors_by_chance_locates_no_wall():
+    # ten paths over 90 m: pi 9 s_L 2 degrees / (360 90 m / 10) is 1 at an error of length of 57 m
+    rows = [(DIRECT + 10 * n, 80 + 20 * n, 6) for n in range(10)]
+    for length_std, uncertain in ((50.0, False), (65.0, True)):
+        std = np.r_[np.full(9, 0.1), length_std] / c
+        reason = select(table(rows, delay_std=std, azimuth_std=2.0))["reason"].values
+        assert (reason[-1] == Reason.UNCERTAIN) == uncertain
+        assert Reason.UNCERTAIN not in reason[:-1]
+
+
 def test_elevation_of_a_wall_is_that_of_the_unfolded_line():
     elevation = np.rad2deg(np.arcsin((TX[2] - RX[2]) / 120))
     rows = [(120, 80, 6), (120, 80, 6)]

@@ -1,0 +1,26 @@
+"""What beams say of one another."""
+
+import numpy as np
+import pytest
+
+from sounder import load_sounder
+from sounder.instrument.antenna_pattern import Pattern
+from sounder.quality.beams import Neighbours, contradictions, find_paths
+from sounder.shipped import calibration
+
+DELAY = 300
+
+
+@pytest.mark.parametrize(("level", "told"), [(4.0, False), (20.0, True)])
+def test_a_beam_lacks_the_strongest_path_only_where_others_see_it_clearly(level, told):
+    # a path in one beam, and in the sidelobes of all others at one level [dB over the noise]; one beam has only noise
+    horn = load_sounder(calibration("sounder-132ghz.toml")).rx_antenna
+    azimuth = np.arange(0.0, 360.0, 10.0)
+    near = Neighbours.of(azimuth, np.zeros(1), horn)
+    snr = np.random.default_rng(1).exponential(1.0, (azimuth.size, 1022)).astype(np.float32)
+    lobe = 42 + Pattern.of(horn).beam_gain(0.0, 0.0, azimuth, np.zeros(azimuth.size))
+    snr[:, DELAY] = 10 ** (np.maximum(lobe, level) / 10)
+    snr[18, DELAY - 2 : DELAY + 3] = 0.04
+    against = contradictions(find_paths(snr, near), snr)
+    assert (against[18] > 0) == told
+    assert not np.delete(against, 18).any()
