@@ -23,6 +23,7 @@ SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 LONG_TESTS = (
     "tests/erm/reconstruction/search/test_bent_facades.py::test_a_straight_facade_is_one_wall[10.0]",
     "tests/erm/reconstruction/search/test_density.py::test_four_links",
+    "tests/erm/reconstruction/search/test_density.py::test_paths_through_a_wall_refute_it",
     "tests/erm/reconstruction/test_bundle_walls.py::test_chains",
     "tests/erm/reconstruction/test_invariance.py::test_a_campaign_that_was_copied",
     "tests/erm/reconstruction/test_raytraced.py::test_all_specular_paths_with_noise_give_walls_to_centimetres[lroom]",
@@ -38,6 +39,7 @@ LONG_TESTS = (
     "tests/sounder/cli/test_process.py::test_nothing_is_imported",
     "tests/sounder/kernels/compiler/test_cache.py::test_processes_that_start_together",
     "tests/sounder/kernels/correlation/test_targets.py",
+    "tests/sounder/mpc/test_extract.py::test_a_full_table_says_so",
     "tests/sounder/mpc/test_extract.py::test_errors_are_what_the_standard_deviations_say[35.0]",
     "tests/sounder/mpc/test_fan.py",
     "tests/sounder/mpc/test_stated.py::test_errors_of_the_pattern_are_those_of_random_horns",

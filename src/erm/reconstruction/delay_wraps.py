@@ -134,8 +134,8 @@ def _hypotheses(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", Int
     rows = np.flatnonzero(free & np.isfinite(table["wrap_period"].values))
     # free space gives the weakest path of a table at this distance: nothing is received from beyond
     reach = path_length(table) * 10 ** ((reflection_loss(table) + table["path_gain"].values) / 20)
-    weakest = (table["path_gain"] + 2 * table["path_gain_std"]).min().item()  # for certain
-    reach = float((reach * 10 ** (-weakest / 20)).max()) if len(rows) else 0.0
+    weakest = (table["path_gain"] + 2 * table["path_gain_std"]).values.min(initial=np.inf)  # for certain
+    reach = float((reach * 10 ** (-weakest / 20)).max(initial=0.0))
     limit = float(table.attrs["max_reflection_loss"])
     parts, of = [table.isel(mpc=slice(0))], [rows[:0]]
     while len(rows):
