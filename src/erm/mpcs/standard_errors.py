@@ -58,8 +58,9 @@ def errors_of_direct_paths(table: "xr.Dataset") -> StandardErrors:
     """Standard errors of direct paths, from their known delays and directions.
 
     Each link contributes its strongest MPC within three assumed standard errors of the direct path. The median absolute
-    deviation gives the scale, so that a few links where another path arrives there do not matter. The result is
-    `ASSUMED` if fewer than `MIN_SAMPLE` links have such an MPC.
+    deviation gives the scale, so that a few links where another path arrives there do not matter. Elevations have the
+    root mean square: those of paths beyond the fan of a scan are ten times as uncertain as those of strong paths in it,
+    and an elevation does nothing but reject. The result is `ASSUMED` if fewer than `MIN_SAMPLE` links have such an MPC.
     """
     difference = table["tx_position"].values - table["rx_position"].values
     delay_error = table["delay"].values - np.linalg.norm(difference, axis=-1) / c
@@ -77,7 +78,9 @@ def errors_of_direct_paths(table: "xr.Dataset") -> StandardErrors:
         return ASSUMED
     known = np.isfinite(elevation_error[rows])
     elevation_std = (
-        robust_std(elevation_error[rows][known]) if np.count_nonzero(known) >= MIN_SAMPLE else ASSUMED.elevation
+        float(np.sqrt(np.mean(elevation_error[rows][known] ** 2)))
+        if np.count_nonzero(known) >= MIN_SAMPLE
+        else ASSUMED.elevation
     )
     found = (robust_std(delay_error[rows]), robust_std(azimuth_error[rows]), elevation_std)
     delay, azimuth, elevation = (max(value, smallest) for value, smallest in zip(found, SMALLEST_ERRORS, strict=True))

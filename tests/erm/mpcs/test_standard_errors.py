@@ -40,6 +40,16 @@ def test_a_few_direct_paths_are_no_evidence():
     assert errors_of_direct_paths(direct_paths(4, 1e-10, 0.3)) == ASSUMED
 
 
+def test_elevations_that_are_as_uncertain_as_those_beyond_a_fan_count_in_full():
+    table = direct_paths(400, 1e-10, 0.3)
+    apart = table["tx_position"].values - table["rx_position"].values
+    known = np.rad2deg(np.arctan2(apart[:, 2], np.hypot(apart[:, 0], apart[:, 1])))
+    std = np.where(np.arange(400) < 40, 5.0, 0.1)  # one path in ten is outside
+    table["elevation"] = "mpc", known + std * np.random.default_rng(5).standard_normal(400)
+    # the mean of 40 squares is right to sqrt(2 / 40) = 22 %, its root to 11 %; four of these
+    assert errors_of_direct_paths(table).elevation == pytest.approx(np.sqrt(0.1) * 5.0, rel=0.45)
+
+
 def test_errors_of_exact_paths_stay_positive():
     found = errors_of_direct_paths(direct_paths(20, 0.0, 0.0))
     assert min(found.delay, found.azimuth) > 0

@@ -281,6 +281,8 @@ def _require_own_data(path: Path, name: str, plist: Any) -> None:
     count = plist.get_virtual_count()
     sources = sorted({plist.get_virtual_filename(i) for i in range(min(count, MAX_MEMBERS))})
     if not limits.current().virtual:
+        for file in sources:
+            _require_beside(path, name, file)
         first = printable(sources[0]) if sources else "no file"
         raise DataError(
             f"{path}: {name} is a virtual dataset, whose data are in {first}; if you trust it, allow it with --virtual "
@@ -292,14 +294,12 @@ def _require_own_data(path: Path, name: str, plist: Any) -> None:
         _require_source(path, name, plist.get_virtual_filename(index), plist.get_virtual_dsetname(index))
 
 
-def _require_source(path: Path, name: str, file: str, dataset: str) -> None:
-    """Refuse a source of a virtual dataset that is elsewhere, is missing, or has its own data elsewhere."""
-    import h5py
-
+def _require_beside(path: Path, name: str, file: str) -> Path:
+    """Source of a virtual dataset; refused where it is not in the folder of the file or below, or is missing."""
     folder = path.resolve().parent
     source = path if file == "." else folder / file
     inside = not Path(file).is_absolute() and source.resolve().is_relative_to(folder)
-    if not inside or "%" in file or "%" in dataset:
+    if not inside or "%" in file:
         raise DataError(
             f"{path}: {name} is a virtual dataset, whose data are in {printable(file)}; only files in the folder of "
             f"{path.name} or below are read"
@@ -308,6 +308,16 @@ def _require_source(path: Path, name: str, file: str, dataset: str) -> None:
         raise DataError(
             f"{path}: {name} is a virtual dataset, and its source {printable(file)} is missing; copy it too"
         )
+    return source
+
+
+def _require_source(path: Path, name: str, file: str, dataset: str) -> None:
+    """Refuse a source of a virtual dataset that is not beside it, or has its own data elsewhere."""
+    import h5py
+
+    source = _require_beside(path, name, file)
+    if "%" in dataset:
+        raise DataError(f"{path}: {name} is a virtual dataset of numbered datasets, {printable(dataset)}; {COPY}")
     with open_hdf5(source) as root:
         held = root.get(dataset)
         if not isinstance(held, Dataset):
