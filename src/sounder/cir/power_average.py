@@ -10,7 +10,7 @@ from sounder.cir.transforms import fast_length, fastest_transforms
 from sounder.kernels.correlation import response_power
 from sounder.kernels.correlation.captures import Captures, flat_captures
 
-ROWS_BYTES = 2**17
+ROWS_BYTES = 2**18
 """Size of the rows that are transformed at a time: with their spectra they fit the second-level cache."""
 
 Complex = NDArray[np.complex128]
@@ -37,7 +37,8 @@ class PowerAverage:
         period = self.samples = template.size
         self._length = fast_length(period)
         kernel = np.fft.ifft(np.conj(np.fft.fft(template)) * deembedding.transfer)
-        self._spectrum = (np.fft.fft(kernel, self._length) / self._length).astype(np.complex64)
+        spectrum = np.fft.fft(kernel, self._length) / self._length
+        self._spectrum = np.array([spectrum.real, spectrum.imag], np.float32)
         self._rows = max(ROWS_BYTES // (8 * self._length), 1)
 
     def __call__(self, blocks: Iterable[Captures]) -> Complex:
@@ -48,22 +49,24 @@ class PowerAverage:
             np.empty(self.samples, np.float32),
             *np.empty((2, 2, self.samples), np.float32),
         )
+        numbers = np.empty(self.samples, np.int32)
+        rows = np.empty((self._rows, self._length), np.complex64)
         for captures in blocks:
             x = flat_captures(captures, self.samples)
             for first in range(0, len(x), self._rows):
-                response_power.add_responses(self._responses(x, first), planes, some_squares, some_total)
+                responses = self._responses(x, first, rows[: len(x) - first])
+                response_power.add_responses(responses, planes, numbers, some_squares, some_total)
                 squares += some_squares
                 total += some_total
             count += len(x)
         phase: Complex = np.exp(1j * np.arctan2(total[1], total[0]))
         return np.sqrt(squares / count) * phase
 
-    def _responses(self, x: Captures, first: int) -> NDArray[np.float32]:
-        """Responses of captures from one on (row, number), flat I/Q, not folded."""
-        rows = np.zeros((min(self._rows, len(x) - first), self._length), np.complex64)
+    def _responses(self, x: Captures, first: int, rows: NDArray[np.complex64]) -> NDArray[np.float32]:
+        """Responses of captures from one on, as many as ``rows``: (row, number), flat I/Q, not folded."""
         load = response_power.load_int16 if x.dtype == np.int16 else response_power.load_float32
         load(x, first, rows.view(np.float32))
         transforms = fastest_transforms()
         spectra = transforms.forward(rows)
-        spectra *= self._spectrum
+        response_power.multiply(spectra.view(np.float32), self._spectrum)
         return transforms.backward(spectra).view(np.float32)

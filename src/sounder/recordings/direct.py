@@ -7,17 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from erm.common.gate.hdf5 import Dataset
 from erm.common.gate.limits import current, too_large
 from sounder.recordings.recording import Captures
-
-CHECKSUM = 4
-"""Bytes of the checksum behind a chunk."""
-MODULUS = 65535
-"""Fletcher's sums of 16-bit words are modulo 2**16 - 1."""
 
 
 def reader(path: Path, iq: Dataset) -> Callable[[int, int, slice], Captures] | None:
@@ -70,6 +64,8 @@ def _chunked(
         first, count, step = _range(path, snapshots, shape)
         if not count:
             return np.empty((0, *shape[3:]), np.int16)
+        from sounder.kernels.checksum import BYTES, checksum_holds  # slow to import; files may be opened and not read
+
         begin = first // length * length
         wanted = [(s, places.get((a, e, s, 0, 0))) for s in range(begin, first + count, length)]
         data = iter(_bytes(path, [place for _, place in wanted if place is not None]))
@@ -79,12 +75,12 @@ def _chunked(
                 pieces.append(np.zeros((length, *shape[3:]), np.int16))
                 continue
             chunk = next(data)
-            if not _holds(chunk):
+            if not checksum_holds(chunk):
                 raise DataError(
                     f"{path}: damaged HDF5 file (iq: the checksum of direction {a}, {e} from snapshot {s} does not "
                     "hold); copy it again"
                 )
-            pieces.append(np.frombuffer(chunk, np.int16, count=len(chunk) // 2 - 2).reshape(-1, *shape[3:]))
+            pieces.append(np.frombuffer(chunk, np.int16, count=(len(chunk) - BYTES) // 2).reshape(-1, *shape[3:]))
         joined = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
         return joined[first - begin : first - begin + count][::step]
 
@@ -116,16 +112,3 @@ def _bytes(path: Path, places: list[tuple[int, int]]) -> list[bytes]:
     if any(len(data) < length for data, (_, length) in zip(found, places, strict=True)):
         raise DataError(f"{path}: became shorter while it was read; copy it again")
     return found
-
-
-def _holds(chunk: bytes) -> bool:
-    """Whether a chunk has the checksum that stands behind it: filter fletcher32 of the HDF5 file format.
-
-    With the words ``w_1 ... w_n`` (big-endian), the sums are ``a = sum w_i`` and ``b = sum (n + 1 - i) w_i``, modulo
-    2**16 - 1, in which 0 and 2**16 - 1 are the same.
-    """
-    words: NDArray[np.uint64] = np.frombuffer(chunk, ">u2", count=len(chunk) // 2 - 2).astype(np.uint64)
-    stored = np.frombuffer(chunk, "<u2", offset=len(chunk) - CHECKSUM)
-    weights = np.arange(words.size, 0, -1, dtype=np.uint64)
-    sums = int(words.sum()), int(words @ weights)
-    return all((a - int(b)) % MODULUS == 0 for a, b in zip(sums, stored, strict=True))
