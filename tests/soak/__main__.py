@@ -7,6 +7,7 @@ and 2 GiB; nothing that is half written; after a kill, the same bytes as without
 """
 
 import argparse
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -14,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from . import attacks
-from .forked import Trial, started, waited
-from .samples import make_campaign
+from .forked import Trial, load, started, waited
+from .samples import OUT, SAMPLES, make_campaign
 
 USUAL = {attacks.damage: 20_000, attacks.flip: 312, attacks.kill: 500, attacks.fill: 200, attacks.meet: 20}
 
@@ -39,6 +40,9 @@ def main() -> int:
             return waited(started(Trial(words), folder / "log"), folder / "log", patience=None).code  # may compile
 
         make_campaign(folder / "campaign", alone)
+        read = [sample for sample in SAMPLES if chosen.only in sample.command]
+        load(sorted({tuple(sample.words(folder / "campaign")) for sample in (*read, *attacks.WRITERS)}))
+        shutil.rmtree(folder / "campaign" / OUT)
         for attack in USUAL:
             if count := getattr(chosen, attack.__name__):
                 tally = attack(folder, count, np.random.default_rng(chosen.seed), chosen)

@@ -15,12 +15,14 @@ import numpy as np
 
 from sounder.processing.integrity import check_file
 
-from .forked import PATIENCE, Ended, Trial, run_all, started, waited
+from .forked import Ended, Trial, run_all, started, waited
 from .mutations import mutated
 from .samples import OUT, SAMPLES, Sample
 
 BATCH = 500
 """Inputs that one child takes."""
+LEAST_SHARE = 0.25
+"""Share of the inputs that every command line gets, relative to equal shares; chosen."""
 PROCESS = f"sounder process @raw/RX1.h5 @raw/RX2.h5 --calibration @back-to-back.h5 --threads 1 --out @{OUT}"
 WRITERS = [
     Sample("", command)
@@ -73,16 +75,17 @@ def damage(folder: Path, count: int, rng: np.random.Generator, chosen: Namespace
     shutil.copytree(whole, here)
     samples = [sample for sample in SAMPLES if chosen.only in sample.command]
     files = [whole / file for file in sorted({sample.file for sample in SAMPLES})]
+    often = 1 / np.array([sample.seconds for sample in samples])
+    often = np.maximum(often / often.sum(), LEAST_SHARE / len(samples))  # cheap commands read as much as dear ones
+    drawn = rng.choice(len(samples), count, p=often / often.sum())
     tally = Tally()
 
     def trial(number: int) -> tuple[str, bytes, Trial]:
-        sample = samples[number % len(samples)]
+        sample, before = samples[drawn[number]], samples[drawn[number - 1]].file
         data = mutated(whole / sample.file, files, rng)
 
         def prepare() -> None:
-            for file in files:  # the one before is made whole
-                if (at := here / file.relative_to(whole)).read_bytes() != file.read_bytes():
-                    shutil.copyfile(file, at)
+            shutil.copyfile(whole / before, here / before)  # the one before is made whole
             (here / sample.file).write_bytes(data)
             shutil.rmtree(here / OUT, ignore_errors=True)
 
@@ -159,7 +162,7 @@ def kill(folder: Path, count: int, rng: np.random.Generator, _: Namespace) -> Ta
             ended = waited(child, log)
             left = _contents(out)
             gentle = ended.code == 128 + signal.SIGTERM or ended.code == -signal.SIGTERM  # before Python listens
-            unfinished = [name for name in left if ".part" in name]
+            unfinished = [name for name in left if ".part/" in name]
             wrong = {
                 "ended otherwise": ended.code not in (0, -signal.SIGKILL) and not gentle,
                 "a file that is not whole": any(
@@ -172,7 +175,8 @@ def kill(folder: Path, count: int, rng: np.random.Generator, _: Namespace) -> Ta
             wrong["resumed, other bytes"] = again.code != 0 or any(
                 made.get(name) != expected[name] for name in expected
             )
-            tally.seen["left a .part file, which the next run did not remove"] += len(made) > len(expected)
+            wrong["resumed, more files"] = len(made) > len(expected)
+            tally.seen["left something unfinished"] += bool(unfinished)
             name = "had ended" if not ended.code else "SIGTERM" if gentle else "killed"
             found = [what for what, is_so in wrong.items() if is_so]
             tally.seen.update([name])
@@ -201,11 +205,10 @@ def fill(folder: Path, count: int, rng: np.random.Generator, _: Namespace) -> Ta
                 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-        # the limit is that of the cache of compiled kernels too: what is not in it is compiled
-        ended = waited(started(Trial(sample.words(whole), prepare), log), log, 5 * PATIENCE)
+        ended = waited(started(Trial(sample.words(whole), prepare), log), log)
         left = [path for path in out.rglob("*") if path.is_file()] if out.exists() else []
         wrong = {
-            "unfinished files": any(".part" in path.name for path in left),
+            "unfinished files": any(".part/" in str(path) for path in left),
             "a file that is not whole": any(not path.stat().st_size for path in left)
             or bool(_damaged(list(out.rglob("*.h5")))),
         }

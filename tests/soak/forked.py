@@ -1,10 +1,13 @@
 """Command lines in forked children with limits, so that libraries are loaded once for thousands of them."""
 
+import contextlib
+import io
 import multiprocessing
 import os
 import resource
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -73,6 +76,14 @@ def run(command: Command) -> int:
     return CRASHED
 
 
+def load(commands: Sequence[Command]) -> None:
+    """Run command lines in this process, so that its children have all modules and compiled kernels."""
+    for command in commands:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            run(command)
+    assert threading.active_count() == 1, "children lack the threads of their parent"
+
+
 def started(trial: Trial, log: Path) -> Any:
     """Start a command line in a child of its own; its output goes to ``log``."""
     child = FORK.Process(target=_alone, args=(trial, log))
@@ -112,6 +123,8 @@ def run_all(trials: Sequence[Trial], log: Path) -> Iterator[Ended]:
 
 
 def _alone(trial: Trial, log: Path) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):  # as a command finds them
+        signal.signal(number, signal.SIG_DFL)
     _redirect(log)
     trial.prepare()
     _leave(run(trial.command))

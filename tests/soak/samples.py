@@ -14,6 +14,10 @@ from ..sounder.cli.commands import LAYOUT, SCENE, SOUNDER
 
 OUT = "out"
 """Folder of all that the command lines write."""
+SECONDS = {"sounder run": 4.0, "sounder verify": 1.5, "sounder report": 1.0, "erm reconstruct": 1.0} | {
+    "sounder process": 0.4
+}
+"""Processor time of commands that take more than a tenth of a second for these files."""
 CAMPAIGN = """
 [recordings]
 files = ["raw/*.h5"]
@@ -64,6 +68,11 @@ class Sample:
     file: str
     command: str
 
+    @property
+    def seconds(self) -> float:
+        """Processor time of the command line, roughly [s]."""
+        return SECONDS.get(" ".join(self.command.split()[:2]), 0.1)
+
     def words(self, folder: Path) -> list[str]:
         """Command line with paths in a copy of the campaign."""
         return [str(folder / word[1:]) if word.startswith("@") else word for word in self.command.split()]
@@ -84,19 +93,21 @@ SAMPLES = [
     Sample("horn.csv", PROCESS.replace("{}", f"@{RECORDING}") + " --sounder @cut.toml"),
     Sample("scene.toml", f"sounder simulate @scene.toml --out @{OUT}"),
     Sample("campaign.toml", f"sounder run @campaign.toml --out @{OUT}"),
+    Sample("formats/all.h5", f"sounder process @formats/all.h5 --layout @formats/layout.toml --threads 1 --out @{OUT}"),
     *(
-        Sample(file, f"sounder process @formats/{data} --layout @formats/{layout} --threads 1 --out @{OUT}{more}")
-        for data, layout, more, files in (
-            ("all.h5", "layout.toml", "", ("formats/all.h5", "formats/layout.toml")),
-            ("all.mat", "layout.toml", "", ("formats/all.mat",)),
-            ("packed.mat", "layout.toml", "", ("formats/packed.mat",)),
-            ("row.bin", "row.toml", " --calibration @back-to-back.h5", ("formats/row.bin", "formats/row.bin.toml")),
-            ("row.iq.tar", "row.toml", " --calibration @back-to-back.h5", ("formats/row.iq.tar",)),
-            ("all.h5", "table.toml", " --positions @formats/places.csv", ("formats/places.csv",)),
+        Sample(f"formats/{file}", f"sounder convert @formats/{data} --layout @formats/{layout} --out @{OUT}")
+        for data, layout, files in (
+            ("all.h5", "layout.toml", ("all.h5", "layout.toml")),
+            ("all.mat", "layout.toml", ("all.mat",)),
+            ("packed.mat", "layout.toml", ("packed.mat",)),
+            ("row.bin", "row.toml", ("row.bin", "row.bin.toml")),
+            ("row.iq.tar", "row.toml", ("row.iq.tar",)),
+            ("all.h5", "table.toml --positions @formats/places.csv", ("places.csv",)),
         )
         for file in files
     ),
-    *(Sample(f"{SIGMF}-{part}", PROCESS.replace("{}", f"@{SIGMF}-meta")) for part in ("meta", "data")),
+    *(Sample(f"{SIGMF}-{part}", f"sounder convert @{SIGMF}-meta --out @{OUT}/c.h5") for part in ("meta", "data")),
+    Sample(f"{SIGMF}-meta", PROCESS.replace("{}", f"@{SIGMF}-meta")),
     *(
         Sample(PRODUCT, command.replace("{}", f"@{PRODUCT}"))
         for command in (

@@ -11,12 +11,13 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError, OptionError, internal_error, with_traceback
 from erm.common.gate import limits
 from erm.common.launch import INTERRUPTED
 from erm.common.messages import Loudness, detail, failure, loudness
 from erm.common.printable import printable
-from erm.common.storage import SOFTWARE, atomic_path
+from erm.common.storage import SOFTWARE
 from erm.common.usage import usage_message
 
 if TYPE_CHECKING:

@@ -2,15 +2,11 @@
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from erm.common.errors import DataError, OptionError
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
+from erm.common.locks import lock_of
 
 FILES = (".h5", ".hdf5", ".nc", ".csv", ".json", ".geojson", ".gpkg", ".toml", ".md", ".png", ".pdf", ".svg")
 """Suffixes that an output folder must not have."""
@@ -60,28 +56,23 @@ def locked(folder: Path) -> Iterator[None]:
         Another process writes into the folder, or it cannot be made.
     """
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder, os.O_RDONLY) if fcntl is not None else None
-    except OSError as error:
-        raise DataError(f"{folder}: cannot be written ({error.strerror}); choose a writable folder") from None
-    try:
-        if fcntl is not None and descriptor is not None:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
+    with ExitStack() as stack:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            held = stack.enter_context(lock_of(folder))
+        except OSError as error:
+            raise DataError(f"{folder}: cannot be written ({error.strerror}); choose a writable folder") from None
+        try:
+            if held is False:
                 raise DataError(
                     f"{folder}: another run is writing into this folder; wait for its end, or choose another --out"
-                ) from None
-            except OSError:
-                pass  # no locks on this file system
-        yield
-    finally:
-        if descriptor is not None:
-            os.close(descriptor)
-        with suppress(OSError):  # not empty
-            for parent in made:
-                parent.rmdir()
+                )
+            yield
+        finally:
+            stack.close()
+            with suppress(OSError):  # not empty
+                for parent in made:
+                    parent.rmdir()
 
 
 def protect_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from erm.common.atomic import atomic_path
 from erm.common.console import save_figure
 from erm.common.errors import DataError
-from erm.common.storage import atomic_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,19 +1,17 @@
-"""Files of products: written completely or not at all, with their provenance."""
+"""Files of products, with their provenance."""
 
-import glob
 import hashlib
 import json
 import math
 import os
 import stat
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from uuid import uuid4
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
 from erm.common.gate.damage import refused
 from erm.common.gate.hdf5 import Group, open_hdf5
@@ -29,54 +27,6 @@ if TYPE_CHECKING:
 
 SOFTWARE = f"sounder-to-map {__version__}"
 CONVENTIONS = "CF-1.11"
-
-
-@contextmanager
-def atomic_path(target: Path | str) -> Iterator[Path]:
-    """Yield a temporary path beside ``target``, and rename it to ``target`` when the block ends without error.
-
-    The file is flushed to disk before the rename, so a reader sees the old file or the complete new one. When the
-    block raises (Ctrl-C too), the temporary file and new folders are removed, and ``target`` is unchanged.
-
-    Raises
-    ------
-    DataError
-        The folder cannot be made, or is not writable.
-    """
-    target = Path(target)
-    if target.parent.is_file():
-        raise DataError(f"{target.parent}: is a file; choose a folder to write into")
-    temporary = target.with_name(f".{target.name}.{uuid4().hex[:8]}.part{target.suffix}")
-    made = [folder for folder in target.parents if not folder.exists()]
-    try:
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            temporary.touch()
-            temporary.unlink()  # some writers refuse to overwrite
-        except OSError as error:
-            raise DataError(f"{target}: cannot be written ({error.strerror}); choose a writable folder") from error
-        yield temporary
-        descriptor = os.open(temporary, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-        os.replace(temporary, target)
-    except BaseException as error:
-        with suppress(OSError):  # the folder could not be made, or is not empty
-            temporary.unlink(missing_ok=True)
-            for folder in made:
-                folder.rmdir()
-        if isinstance(error, OSError):
-            raise DataError(f"{target}: cannot be written ({error.strerror or error}); is the disk full?") from error
-        raise
-
-
-def clear_leftovers(target: Path) -> None:
-    """Remove temporary files of ``target`` that killed processes left. No process may be writing ``target`` now."""
-    for leftover in target.parent.glob(f".{glob.escape(target.name)}.*.part{target.suffix}"):
-        with suppress(OSError):
-            leftover.unlink()
 
 
 def sha256(path: Path | str) -> str:

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from erm.common.atomic import atomic_path
 from erm.common.constants import FARTHEST, SAME_PLACE, c
 from erm.common.errors import DataError
 from erm.common.significance import CERTAIN
-from erm.common.storage import atomic_path, number_in, open_group
+from erm.common.storage import number_in, open_group
 from erm.common.text_files import read_table
 from erm.mpcs.standard_errors import UNKNOWN_GAIN_STD
 from erm.mpcs.table import OPTIONAL, VALUES, columns_of_product, empty_table, make_table

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from erm.common.storage import atomic_path
+from erm.common.atomic import atomic_path
 
 if TYPE_CHECKING:
     import xarray as xr

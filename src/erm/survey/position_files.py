@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from erm.common.storage import atomic_path
+from erm.common.atomic import atomic_path
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -15,7 +15,7 @@ from erm.common.errors import DataError, OptionError
 from erm.common.optional import require_library
 from erm.common.outputs import locked, protect_inputs, require_folder
 from erm.common.page import remove_outdated
-from erm.common.storage import clear_leftovers, open_group
+from erm.common.storage import open_group
 from erm.evaluation.evaluate_map import evaluate_map
 from erm.figures import plot_map
 from erm.maps.environment import Environment
@@ -115,8 +115,6 @@ def _run(
     outputs = _outputs(campaign, out)
     protect_inputs(outputs, {*campaign.inputs, *(job.recording.source for job in jobs)})
     remove_outdated(out / REPORT)
-    for path in outputs:
-        clear_leftovers(path)
     processing = campaign.processing
     with console.progress("processing positions", len(jobs)) as advance:
         outcome = process(
@@ -252,7 +250,6 @@ def _figures_to_draw(result: CampaignResult) -> list[Path]:
         if not is_up_to_date(paths, product):
             missing.append(product)
             for path in paths:
-                clear_leftovers(path)
                 with suppress(OSError):
                     path.unlink()
     return missing

@@ -9,9 +9,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
+from erm.common.atomic import atomic_path
 from erm.common.console import drawing, save_figure
 from erm.common.errors import DataError
-from erm.common.storage import atomic_path, number_in, open_groups, require_axes
+from erm.common.storage import number_in, open_groups, require_axes
 from sounder.figures import parameters as parameter_figures
 from sounder.figures import products as figures
 from sounder.figures import score as score_figures

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from erm.common.errors import DataError
-from erm.common.storage import SOFTWARE, clear_leftovers
+from erm.common.storage import SOFTWARE
 from sounder.kernels.compiler.machine import processors
 from sounder.options import Options
 from sounder.processing.jobs import Explained, Job, Source, reopen_job
@@ -90,7 +90,6 @@ def process_on_workers(
                 [_as_given(line, job) for line in each] for each in (part.failures, part.notes)
             )
             part.products = [target for _ in part.products]
-            clear_leftovers(target)  # of workers that were lost
             yield part
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from erm.common.storage import atomic_path, provenance, write_product
+from erm.common.atomic import atomic_path
+from erm.common.storage import provenance, write_product
 from sounder.parameters.catalogue import PARAMETERS, READ_IN
 from sounder.parameters.statistics import LINES_OF_SIGHT, Statistic
 

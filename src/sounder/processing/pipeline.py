@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+from erm.common.atomic import clear_leftovers
 from erm.common.errors import DataError
 from erm.common.outputs import locked
-from erm.common.storage import clear_leftovers
 from sounder.kernels.compiler.machine import processors
 from sounder.options import Options
 from sounder.processing.jobs import Job, merge_failures

@@ -8,10 +8,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
 from erm.common.hdf5_output import new_hdf5
 from erm.common.integrity import checksummed, list_members
-from erm.common.storage import atomic_path, provenance
+from erm.common.storage import provenance
 from sounder.recordings.native import BACK_TO_BACK, RECORDING
 from sounder.recordings.recording import BackToBack, Recording
 

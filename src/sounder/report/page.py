@@ -8,7 +8,8 @@ from jinja2 import Environment as Templates
 from jinja2 import FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from erm.common.storage import SOFTWARE, atomic_path
+from erm.common.atomic import atomic_path
+from erm.common.storage import SOFTWARE
 from erm.mpcs.reasons import count_reasons
 from sounder.processing.parameter_tables import summarise
 from sounder.report.calibration import back_to_back

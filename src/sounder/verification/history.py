@@ -4,8 +4,8 @@ import csv
 from pathlib import Path
 from typing import NamedTuple
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
-from erm.common.storage import atomic_path
 from erm.common.text_files import read_table
 from sounder.verification.verify import Verified
 

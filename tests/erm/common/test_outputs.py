@@ -9,10 +9,10 @@ import h5py
 import numpy as np
 import pytest
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
 from erm.common.hdf5_output import _Output, new_hdf5
 from erm.common.outputs import locked
-from erm.common.storage import atomic_path
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders")
@@ -53,6 +53,26 @@ def test_a_full_disk_is_one_line_and_no_file(tmp_path, room, monkeypatch):
     with pytest.raises(DataError, match=r"x\.h5: cannot be written \(No space left on device\); is the disk full\?"):
         write()
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("room", [0, 900, 2000])
+def test_hdf5_reads_what_it_wrote_on_a_full_disk(tmp_path, room, monkeypatch):
+    """It crashes if it does not."""
+    monkeypatch.setattr(_Output, "_take", lambda self, data: _limited(self, data, room))
+    rng, wrote = np.random.default_rng(room), bytearray()
+    with _Output(tmp_path / "x") as output:
+        for number in range(1, 200):
+            place, length = int(rng.integers(len(wrote) + 1)), int(rng.integers(1, 300))
+            output.seek(place)
+            assert output.write(bytes([number]) * length) == length
+            wrote[place : place + length] = bytes([number]) * length
+            assert output.seek(0, io.SEEK_END) == len(wrote)
+            output.seek(first := int(rng.integers(len(wrote))))
+            read = bytearray(len(wrote) - first)
+            assert output.readinto(read) == len(read)
+            assert read == wrote[first:]
+        assert output.failure is not None
+    assert (tmp_path / "x").stat().st_size <= room
 
 
 def _limited(output, data, room):

@@ -5,9 +5,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
 from erm.common.page import Page, cell
-from erm.common.storage import atomic_path
 
 
 @pytest.mark.slow

@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import os
-import stat
 import sys
 import threading
 from pathlib import Path
@@ -16,68 +14,11 @@ import xarray as xr
 
 from erm import __version__
 from erm.common.errors import DataError
-from erm.common.storage import atomic_path, open_group, provenance, sha256, write_product
+from erm.common.storage import open_group, provenance, sha256, write_product
 
 
 def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
-
-
-def test_a_file_takes_its_place_when_it_is_whole(tmp_path):
-    target = tmp_path / "new" / "x.txt"
-    with atomic_path(target) as temporary:
-        assert temporary.parent == target.parent
-        assert temporary.suffix == ".txt"
-        temporary.write_text("whole")
-        assert not target.exists()
-    assert target.read_text() == "whole"
-    assert names(target.parent) == ["x.txt"]
-
-
-@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_a_file_that_fails_leaves_the_old_one_and_nothing_else(tmp_path, error):
-    target = tmp_path / "x.txt"
-    target.write_text("old")
-
-    def fail() -> None:
-        with atomic_path(target) as temporary:
-            temporary.write_text("half")
-            raise error
-
-    with pytest.raises(error):
-        fail()
-    assert target.read_text() == "old"
-    assert names(tmp_path) == ["x.txt"]
-
-
-def test_a_file_is_on_disk_before_it_has_its_name(tmp_path, monkeypatch):
-    order = []
-    fsync, replace = os.fsync, os.replace
-    monkeypatch.setattr(os, "fsync", lambda fd: (order.append("fsync"), fsync(fd))[1])
-    monkeypatch.setattr(os, "replace", lambda a, b: (order.append("replace"), replace(a, b))[1])
-    with atomic_path(tmp_path / "x") as temporary:
-        temporary.write_text("x")
-    assert order[:2] == ["fsync", "replace"]
-
-
-def test_a_folder_that_cannot_be_is_told(tmp_path):
-    (tmp_path / "file").write_text("in the way")
-    told = pytest.raises(DataError, match="file: is a file; choose a folder to write into")
-    with told, atomic_path(tmp_path / "file" / "x.txt"):
-        pass
-    told = pytest.raises(DataError, match=r"x\.txt: cannot be written \(.*\); choose a writable folder")
-    with told, atomic_path(tmp_path / "file" / "folder" / "x.txt"):
-        pass
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_without_permission_is_told(tmp_path):
-    tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
-    try:
-        with pytest.raises(DataError, match="cannot be written"), atomic_path(tmp_path / "x"):
-            pass
-    finally:
-        tmp_path.chmod(stat.S_IRWXU)
 
 
 def test_a_changed_file_has_another_sum(tmp_path):

@@ -7,8 +7,8 @@ from types import ModuleType
 
 import numpy as np
 
+from erm.common.atomic import atomic_path
 from erm.common.optional import require_library
-from erm.common.storage import atomic_path
 from erm.geometry.vertical import FloatArray, azimuth_of
 from erm.maps.environment import Environment
 from erm.maps.formats.surfaces import extrude, finite_edges

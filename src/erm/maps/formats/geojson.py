@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
-from erm.common.storage import atomic_path
 from erm.geometry.vertical import FloatArray
 from erm.maps.arcs import arc_points, circle_through
 from erm.maps.features import Shape, read_features

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
 from erm.common.gate.geopackage import require_geopackage
 from erm.common.gate.nesting import parse_json
 from erm.common.optional import require_library
-from erm.common.storage import atomic_path
 from erm.maps.features import Shape, points_of
 from erm.maps.formats.antennas import Points, antenna_points, reflection_points
 from erm.maps.formats.columns import DEFAULTS, Columns

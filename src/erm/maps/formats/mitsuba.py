@@ -15,7 +15,8 @@ from xml.etree import ElementTree
 
 from scipy.constants import epsilon_0
 
-from erm.common.storage import SOFTWARE, atomic_path
+from erm.common.atomic import atomic_path
+from erm.common.storage import SOFTWARE
 from erm.maps.formats import ply
 from erm.maps.formats.surfaces import Surface
 from erm.maps.materials import LIBRARY, Material

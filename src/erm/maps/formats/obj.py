@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from erm.common.storage import SOFTWARE, atomic_path
+from erm.common.atomic import atomic_path
+from erm.common.storage import SOFTWARE
 from erm.maps.formats.surfaces import Surface
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from erm.common.storage import SOFTWARE, atomic_path
+from erm.common.atomic import atomic_path
+from erm.common.storage import SOFTWARE
 from erm.maps.formats.surfaces import Surface
 
 HEADER = """ply

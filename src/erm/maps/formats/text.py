@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
 from erm.common.gate.nesting import parse_json
-from erm.common.storage import atomic_path
 from erm.common.text_files import read_text, split_table
 from erm.maps.formats.columns import Columns
 

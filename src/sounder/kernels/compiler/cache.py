@@ -30,20 +30,22 @@ SETTINGS = ("CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "OPT", "BOUNDSCHECK", "DEB
 NOT_IN_NAMES = str.maketrans("", "", "<>")
 """What numba leaves out of file names."""
 MIN_FREE_SPACE = 1 << 22
-"""Free space that a directory must have [byte]: four times what the machine code of all kernels takes."""
+"""Free space that a new directory must have [byte]: four times what the machine code of all kernels takes."""
 
 
 @cache
 def cache_directory() -> Path | None:
     """Return the directory of this build's machine code, or None when no directory can be written.
 
-    First of: ``NUMBA_CACHE_DIR``, ``XDG_CACHE_HOME`` or ``~/.cache``, the system's temporary directory.
+    First of: ``NUMBA_CACHE_DIR``, ``XDG_CACHE_HOME`` or ``~/.cache``, the system's temporary directory. One that holds
+    machine code needs no more room: on a disk that became full, kernels are loaded as before.
     """
     for directory in _candidates(f"kernels-{_fingerprint()}"):
         try:
             directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+            filled = any(directory.rglob("*.nbi"))
             with tempfile.TemporaryFile(dir=directory) as probe:
-                probe.write(bytes(MIN_FREE_SPACE))
+                probe.write(b"" if filled else bytes(MIN_FREE_SPACE))
         except OSError:
             continue
         if _private(directory):

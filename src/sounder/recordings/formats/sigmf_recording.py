@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
 from erm.common.gate.plain import PlainNumbers
-from erm.common.storage import SOFTWARE, atomic_path
+from erm.common.storage import SOFTWARE
 from sounder.instrument.description import Sounder
 from sounder.recordings.formats.sigmf import DATA, META, content, is_format, metadata, samples
 from sounder.recordings.recording import Captures, Recording, check

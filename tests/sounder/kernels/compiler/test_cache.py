@@ -80,14 +80,17 @@ def test_a_directory_without_room_is_passed_over(tmp_path, monkeypatch):
         def __exit__(self, *_):
             pass
 
-        def write(self, _):
-            raise OSError(28, "No space left on device")
+        def write(self, data):
+            if data:
+                raise OSError(28, "No space left on device")
 
     full, roomy = tmp_path / "full", tmp_path / "roomy"
     real = cache.tempfile.TemporaryFile
     monkeypatch.setattr(cache.tempfile, "TemporaryFile", lambda dir: Full() if dir == full else real(dir=dir))
     monkeypatch.setattr(cache, "_candidates", lambda _name: iter([full, roomy]))
     assert cache.cache_directory.__wrapped__() == roomy
+    (full / "kernels.nbi").touch()  # what it holds can be loaded
+    assert cache.cache_directory.__wrapped__() == full
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners on this system")
