@@ -50,6 +50,15 @@ class Draw:
     def with_captures(self, captures: Samples, **change: object) -> Recording:
         return replace(self.recording, read=lambda a, e, which: captures[a, e][which], **change)
 
+    @classmethod
+    def of(cls, recording: Recording, filter_: Deembedding, paths: xr.Dataset) -> "Draw":
+        """Read the captures of a clean recording."""
+        shape = recording.azimuth.size, recording.elevation.size
+        captures = np.array([[recording.captures(a, e) for e in range(shape[1])] for a in range(shape[0])])
+        mean = correlator_of("iq", recording.sounder).correlate(captures.reshape(-1, *captures.shape[-2:]))
+        power = np.abs(filter_.apply(mean.reshape(*captures.shape[:3], -1).mean(axis=2))) ** 2
+        return cls(recording, captures, filter_, paths, power.max(axis=-1) / noise_power(power))
+
 
 def scattered(paths: xr.Dataset, rng: np.random.Generator) -> xr.Dataset:
     """Paths with diffuse ones about each: later, from about its direction, 10 to 40 dB weaker."""
@@ -69,14 +78,7 @@ def scattered(paths: xr.Dataset, rng: np.random.Generator) -> xr.Dataset:
 def drawn(seed: int) -> Draw:
     rng = np.random.default_rng([8, seed])
     made = draw(seed, scattered=(lambda paths: scattered(paths, rng)) if seed % 2 else lambda paths: paths)
-    recording, paths = made.recording, made.paths
-    shape = recording.azimuth.size, recording.elevation.size
-    captures = np.array([[recording.captures(a, e) for e in range(shape[1])] for a in range(shape[0])])
-    filter_ = calibrate(made.b2b, recording)
-    correlate = correlator_of("iq", recording.sounder).correlate
-    mean = [[filter_.apply(correlate(captures[a, e]).mean(axis=0)) for e in range(shape[1])] for a in range(shape[0])]
-    power = np.abs(np.array(mean)) ** 2
-    return Draw(recording, captures, filter_, paths, power.max(axis=-1) / noise_power(power))
+    return Draw.of(made.recording, calibrate(made.b2b, made.recording), made.paths)
 
 
 def each(change: Callable[[Samples, np.random.Generator], Samples]) -> Damage:
@@ -235,7 +237,7 @@ class Row:
     paths: int = 0
     found: int = 0
 
-    def add(self, made: Draw, recording: Recording, where: list[tuple[int, int]] | None) -> None:
+    def add(self, made: Draw, recording: Recording, where: list[tuple[int, int]] | None) -> dict[str, xr.Dataset]:
         """Process a recording with damage in some directions, or in the whole position if ``where`` is None."""
         groups, remarks = process_recording(recording, made.filter_, Options(), threads=1)
         table = groups["/mpc"].isel(mpc=groups["/mpc"]["delay"].notnull().values)
@@ -252,10 +254,11 @@ class Row:
         self.falsely += len(told - set(places))
         if where is None:
             self.known, self.told = self.known + 1, self.told + bool(remarks)
-            return
+            return groups
         known = [place for place, (a, e) in zip(places, where, strict=True) if made.snr[a, e] > LEAST_SNR]
         self.known += len(known)
         self.told += len(known) if whole else len(told & set(known))
+        return groups
 
 
 def directions(made: Draw, rng: np.random.Generator, *, strongest: bool) -> list[tuple[int, int]]:

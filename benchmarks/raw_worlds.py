@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import shapely
+import xarray as xr
 from damage import scattered
 from survey import room, street
 
@@ -56,20 +57,31 @@ class World(NamedTuple):
     """Rows of wall, receiver, east, north."""
 
 
-def measure(seed: int, receivers: int, folder: Path) -> World:
-    """Draw a world and write the products of its captures, unless they are there."""
+def laid_out(seed: int, receivers: int) -> tuple[erm.Environment, Floats, Faults]:
+    """A room or a street, the places of its transmitter and receivers, and its instrument."""
     rng = np.random.default_rng([21, seed])
     environment, tx, places = (room, street)[seed % 2](rng)
     environment, points = turned(environment, np.vstack([tx, places[:receivers]]), rng.uniform(0, 2 * np.pi))
-    faults = Faults(system_response={"seed": int(rng.integers(1e6))}, converter={"full_scale": FULL_SCALE[seed % 2]})
+    converter = {"full_scale": FULL_SCALE[seed % 2]}
+    return environment, points, Faults(system_response={"seed": int(rng.integers(1e6))}, converter=converter)
+
+
+def strong_hits(paths: xr.Dataset, receiver: int) -> list[list[float]]:
+    """Rows of wall, receiver, east, north: where strong paths bounced off walls once."""
+    gain, wall = paths["path_gain"].values, paths["reflector"].values[:, 0]
+    strong = (paths["order"].values == 1) & (wall >= 0) & (gain > gain.max() - SHOWN)
+    return [[wall[p], receiver, *paths["vertices"].values[p, 0, :2]] for p in np.flatnonzero(strong)]
+
+
+def measure(seed: int, receivers: int, folder: Path) -> World:
+    """Draw a world and write the products of its captures, unless they are there."""
+    environment, points, faults = laid_out(seed, receivers)
     b2b, filter_, hits = back_to_back(SOUNDER, 60.0, faults=faults, seed=seed), None, []
     for number, rx in enumerate(points[1:]):
         paths = erm.trace(environment, points[0], rx, SOUNDER.carrier.frequency, max_order=3)
         if not paths.sizes["path"]:
             continue
-        gain, wall = paths["path_gain"].values, paths["reflector"].values[:, 0]
-        strong = (paths["order"].values == 1) & (wall >= 0) & (gain > gain.max() - SHOWN)
-        hits += [[wall[p], number, *paths["vertices"].values[p, 0, :2]] for p in np.flatnonzero(strong)]
+        hits += strong_hits(paths, number)
         product = folder / f"{seed}" / f"RX{number}.h5"
         if product.exists():
             continue
@@ -78,10 +90,15 @@ def measure(seed: int, receivers: int, folder: Path) -> World:
         made = record(paths, SOUNDER, name=f"RX{number}", snapshots=4, faults=faults, seed=seed, **ends)
         filter_ = filter_ or calibrate(b2b, made)
         groups, _ = process_recording(made, filter_, Options(), threads=1)
-        groups["/"].attrs.update(provenance("Channel sounding product", "raw_worlds.py"))
-        product.parent.mkdir(parents=True, exist_ok=True)
-        write_product(groups, product)
+        store(groups, product)
     return World(environment, np.array(hits).reshape(-1, 4))
+
+
+def store(groups: dict[str, xr.Dataset], product: Path) -> None:
+    """Write a product."""
+    groups["/"].attrs.update(provenance("Channel sounding product", "benchmarks"))
+    product.parent.mkdir(parents=True, exist_ok=True)
+    write_product(groups, product)
 
 
 def compare(made: World, found: erm.Environment) -> dict[str, Any]:

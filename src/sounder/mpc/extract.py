@@ -15,6 +15,7 @@ from sounder.mpc.clock import clock_variance, scan_order
 from sounder.mpc.common_delays import refine_delays
 from sounder.mpc.departures import with_departures
 from sounder.mpc.elevation_gain import with_elevation_gain
+from sounder.mpc.hidden import stand_out
 from sounder.mpc.joint import refine_jointly
 from sounder.mpc.scan import Scan
 from sounder.mpc.single_thread import single_thread
@@ -92,7 +93,8 @@ def extract_mpcs(
         Along ``mpc``, strongest first, possibly of length 0: the columns of :func:`sounder.mpc.table.tabulate` and
         :func:`sounder.mpc.elevation_gain.with_elevation_gain`, and with several beams of the transmit antenna those of
         :func:`sounder.mpc.departures.with_departures`. Attributes: ``paths_outside_fan``, the number of paths
-        left out because only sidelobes see them, so that their angles are not known; ``paths_beyond_gate``, the number
+        left out because only sidelobes see them, or flanks beside missing directions (:mod:`sounder.mpc.hidden`), so
+        that their angles are not known; ``paths_beyond_gate``, the number
         left out because they are later than the delay gate; ``complete``, 0 if more paths
         exceed the threshold than a table holds; ``period`` of the sequence [s], by whole numbers of which delays may
         be too short; ``samples`` of the scan, and ``independent_samples`` of noise in a beam.
@@ -137,6 +139,8 @@ def extract_mpcs(
     pattern[ARRIVAL][:, 2, 2] += pattern[DEPARTURE][:, 2, 2]
     gain = found["beam_gain"] / departure["beam_gain"] if scan.departure.size > 1 else found["beam_gain"]
     located = _located(found, gain, scan.arrival)
+    if effort.removes:
+        located &= stand_out(found, scan)
     errors = {"inflation": inflation, "clock": clock, "pattern": pattern[ARRIVAL]}
     of_located = {name: values[located] for name, values in errors.items()}
     table = tabulate(found[located], scan, distance, **of_located)

@@ -112,7 +112,8 @@ def check_snapshots(scan: Scan) -> None:
         captures = scan.recording.captures(int(a), int(e))
         gain = 10 ** (-scan.recording.agc_gain[a, e] / 20)
         responses = scan.deembedding.apply(scan.correlator.correlate(captures) * gain)
-        found = compare_snapshots(responses, snapshots * 10 ** (floors.level / 10))
+        own = scan.deembedding.self_noise * scan.peak[a, e]  # what the signal brings differs among snapshots
+        found = compare_snapshots(responses, snapshots * 10 ** (floors.level / 10) + own)
         if found.shift.any():
             first = int(np.flatnonzero(found.shift)[0])
             scan.remark(Code.SNAPSHOTS_SHIFTED, a, e, snapshot=first, figure=found.shift[first], bound=0.0)

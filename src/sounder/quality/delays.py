@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from erm.common.significance import FALSE_ALARM
-from sounder.quality.beams import MAIN_LOBE, MIN_BEAMS, Paths
+from sounder.quality.beams import AGREEMENT, MAIN_LOBE, MIN_BEAMS, Neighbours, Paths
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -78,7 +78,7 @@ class Delays:
         return first, second, self.path[first]
 
 
-def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, strict: bool) -> Delays:
+def measure_delays(snr: NDArray[np.floating], paths: Paths, near: Neighbours, window: int, *, strict: bool) -> Delays:
     """Delays of the highest peaks about every path's, by a parabola through three samples in dB.
 
     A Hann-shaped spectrum has a pulse that is a parabola in dB about its peak, to 0.02 samples. With the power
@@ -89,6 +89,7 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, stri
     snr : array (beam, delay)
         Power over the noise of the beam.
     paths : Paths
+    near : Neighbours
     window : int
         Samples to either side of the peak in which it is searched for.
     strict : bool
@@ -99,9 +100,9 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, window: int, *, stri
     lag = np.arange(-window - 1, window + 2)
     at = (paths.delay[:, None] + lag) % size
     around, used = paths.around, paths.around >= 0
-    if strict:  # as expected, or so strong that little else can be there
-        used &= (paths.agree & paths.consistent[:, None]) | (paths.seen > paths.seen[:, :1] + MAIN_LOBE)
-    around, used = _with_far_beams(paths, used, snr.shape)
+    if strict:
+        used &= paths.agree & paths.consistent[:, None]
+    around, used = _with_far_beams(paths, near, used, snr.shape)
     power = snr[np.maximum(around, 0)[..., None], at[:, None, :]]
     inner = power[..., 1:-1]
     peak = inner.argmax(axis=-1) + 1
@@ -130,21 +131,24 @@ def _without_sidelobes(paths: Paths, size: int) -> Paths:
 
 
 def _with_far_beams(
-    paths: Paths, used: NDArray[np.bool_], shape: tuple[int, ...]
+    paths: Paths, near: Neighbours, used: NDArray[np.bool_], shape: tuple[int, ...]
 ) -> tuple[Integers, NDArray[np.bool_]]:
     """Beams of each path, and for the strongest paths all other beams, which see them through their sidelobes.
 
-    Of paths that are close in delay, sidelobes show the strongest.
+    Of paths that are close in delay, sidelobes show the strongest, but not in beams about those that see more than it:
+    there is another path.
     """
     beams, size = shape
     apart = np.abs(paths.delay[:, None] - paths.delay)
     close = np.minimum(apart, size - apart) < 2 * WINDOW
     shown = np.flatnonzero(~np.tril(close, -1).any(axis=1))[:FAR_SEEN]
-    near = np.zeros((len(paths.around), beams + 1), bool)
-    np.put_along_axis(near, paths.around, True, axis=1)
-    seen = np.zeros((len(near), beams), bool)
-    seen[shown] = ~near[shown, :beams]
-    return np.hstack([paths.around, np.tile(np.arange(beams), (len(near), 1))]), np.hstack([used, seen])
+    lobe = np.zeros((len(paths.around), beams + 1), bool)
+    np.put_along_axis(lobe, paths.around, True, axis=1)
+    for path, beam in np.argwhere(_more_than_expected(paths)):
+        lobe[path, near.beam[paths.around[path, beam]]] = True
+    seen = np.zeros((len(lobe), beams), bool)
+    seen[shown] = ~lobe[shown, :beams]
+    return np.hstack([paths.around, np.tile(np.arange(beams), (len(lobe), 1))]), np.hstack([used, seen])
 
 
 def lost_samples(delays: Delays, order: Integers) -> tuple[int, int]:
@@ -272,3 +276,8 @@ def clock_drift(delays: Delays, order: Integers) -> tuple[float, float]:
     error = float(np.sqrt(np.sum(scores**2) * beams / (beams - 2)) / total)
     bound = error * float(student.isf(DRIFT_FALSE_ALARM, beams - 2))
     return slope, bound if bound * order.size < UNRESOLVED else np.inf
+
+
+def _more_than_expected(paths: Paths) -> NDArray[np.bool_]:
+    """Beams (path, near) about a consistent path that see more than it."""
+    return paths.consistent[:, None] & paths.clear & (paths.seen > paths.expected + AGREEMENT)

@@ -44,16 +44,16 @@ def check_overlaps(scan: Scan) -> None:
     near = Neighbours.of(recording.azimuth, recording.elevation, recording.sounder.rx_antenna)
     snr = scan.snr
     paths = find_paths(snr, near)
-    if _mend_lost_samples(scan, measure_delays(snr, paths, WINDOW, strict=False)):
+    if _mend_lost_samples(scan, measure_delays(snr, paths, near, WINDOW, strict=False)):
         snr = scan.snr
         paths = find_paths(snr, near)
-    if _mend_drift(scan, measure_delays(snr, paths, CLOSE, strict=True)):
+    if _mend_drift(scan, measure_delays(snr, paths, near, CLOSE, strict=True)):
         snr = scan.snr
         paths = find_paths(snr, near)
     shifted = np.zeros(beams, np.int64)
     against = np.zeros(beams)
     for _ in range(ROUNDS):
-        shifts = slips(measure_delays(snr, paths, CLOSE, strict=True), beams)
+        shifts = slips(measure_delays(snr, paths, near, CLOSE, strict=True), beams)
         if not shifts.any():
             against = contradictions(paths, snr)
             shifts = _reconciling_shifts(snr, near, against)
@@ -65,7 +65,7 @@ def check_overlaps(scan: Scan) -> None:
         snr = scan.snr
         paths = find_paths(snr, near)
     if shifted.any():  # where some have slipped others may have, which would not be certain alone
-        off = unsettled(measure_delays(snr, paths, CLOSE, strict=False), beams)
+        off = unsettled(measure_delays(snr, paths, near, CLOSE, strict=False), beams)
         for beam in np.flatnonzero((off != 0) & (against == 0)):
             scan.remark(Code.UNSETTLED, *scan.place(int(beam)), off[beam], 0.5)
         shifted[off != 0] = 0

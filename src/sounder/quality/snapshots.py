@@ -86,7 +86,9 @@ def compare_snapshots(responses: Complex, noise: float) -> Snapshots:
     array([0, 0, 7, 7])
     """
     level = noise_power(np.abs(responses) ** 2) / noise
-    good = level < BURST * max(1.0, float(np.median(level)))
+    usual = max(1.0, float(np.median(level)))
+    good = level < BURST * usual
+    noise *= usual
     if not good.any():
         good = level <= level.min()
     first = responses[int(np.argmax(good))]

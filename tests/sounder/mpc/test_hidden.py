@@ -1,0 +1,36 @@
+"""Paths from directions that were not recorded: what is left of them is not listed, other paths are."""
+
+import numpy as np
+import pytest
+
+from .extraction import mpcs, near
+
+STRONG, WEAK = (-100.0, 100e-9, 67.0, 1.0), (-115.0, 300e-9, 200.0, 0.0)
+NOISE = -160.0  # the sidelobes of the strong path are 20 dB over it
+
+
+@pytest.fixture
+def scan(bench):
+    return bench.scan([STRONG, WEAK], noise=NOISE + bench.sounder.rx_antenna.gain)
+
+
+def without(scan, azimuths, elevations):
+    cir = scan.copy(deep=True)
+    gone = cir["azimuth"].isin(azimuths) & cir["elevation"].isin(elevations)
+    cir["cir"] = cir["cir"].where(~gone)
+    return cir
+
+
+@pytest.mark.slow
+def test_sidelobes_of_a_path_that_no_recorded_beam_looks_at_are_not_listed(bench, scan):
+    table = mpcs(bench, [], scan=without(scan, [50, 60, 70, 80], [-9, 0, 9]))
+    assert table.sizes["mpc"] == 1
+    assert near(table, WEAK).sizes["mpc"] == 1
+    assert table.attrs["paths_outside_fan"] > 0
+
+
+def test_a_path_is_listed_where_one_beam_is_missing(bench, scan):
+    table = mpcs(bench, [], scan=without(scan, [70], [0]))
+    assert table.sizes["mpc"] == 2
+    [gain] = near(table, STRONG)["path_gain"].values
+    np.testing.assert_allclose(gain, STRONG[0], atol=1.0)
