@@ -116,10 +116,10 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, near: Neighbours, wi
     usual = np.ma.median(np.ma.masked_array(middle, ~(is_peak & far)), axis=1).filled(0.0)[:, None]
     is_peak &= ~far | (np.abs(middle - usual) < SIDELOBES * np.log(10) / 10)
     delay = lag[peak] + 0.5 * (left - right) / np.where(curvature < 0, curvature, -1)
-    path, near = np.nonzero(is_peak)
-    std = 1 / np.sqrt(np.exp(middle[path, near]) * -curvature[path, near])
+    path, beam = np.nonzero(is_peak)
+    std = 1 / np.sqrt(np.exp(middle[path, beam]) * -curvature[path, beam])
     tolerance = UNRESOLVED + SIGMAS * std
-    return Delays(path, around[path, near], delay[path, near].astype(float), tolerance.astype(float), far[near])
+    return Delays(path, around[path, beam], delay[path, beam].astype(float), tolerance.astype(float), far[beam])
 
 
 def _without_sidelobes(paths: Paths, size: int) -> Paths:
