@@ -52,7 +52,7 @@ def set_path(
     covariance : array (4 or more, 4 or more)
         Of the parameters.
     misfit : float
-        Residual power over that of the noise.
+        Power that the fit counts as noise, over that of the receiver's.
     beam : int
         The beam that sees the path best.
     beam_gain : float

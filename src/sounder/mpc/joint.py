@@ -77,10 +77,10 @@ def refine_jointly(found: Paths, removed: Complex, group: Integers, scan: Scan) 
         result = _fit_group(members, found, removed, scan)
         if result is None:
             continue
-        best, first = result
+        best, noise, first = result
         records = np.zeros(len(best.paths), PATH)
         records[: members.size] = found[members]
-        _set_records(records, best, first, scan)
+        _set_records(records, best, noise, first, scan)
         number = group.max(initial=-1) + 1
         found[members], group[members] = records[: members.size], number
         added.append((records[members.size :], number))
@@ -105,8 +105,8 @@ def _groups(found: Paths, scan: Scan) -> Iterator[Integers]:
         yield members[np.argsort(-found["amplitude"][members])]
 
 
-def _fit_group(members: Integers, found: Paths, removed: Complex, scan: Scan) -> tuple[JointFit, int] | None:
-    """Fit a group, and the first sample of its window; None if phases of their own explain the samples better."""
+def _fit_group(members: Integers, found: Paths, removed: Complex, scan: Scan) -> tuple[JointFit, Real, int] | None:
+    """Fit a group, the noise counted (link,), the window's first sample; None if own phases explain more."""
     paths = found[members]
     late = scan.delay_after(paths["delay"], paths["delay"][0])
     first = int(np.floor(paths["delay"][0] + late.min())) - PADDING
@@ -133,7 +133,9 @@ def _fit_group(members: Integers, found: Paths, removed: Complex, scan: Scan) ->
         if more is None:
             break
         best = more
-    return best, first
+    counted = scan.noise.copy()
+    counted[numbers] = beams.noise
+    return best, counted, first
 
 
 def _samples(
@@ -238,8 +240,8 @@ def _gains(paths: Real, scan: Scan) -> Real:
     return scan.gains(paths[:, AZIMUTH], paths[:, ELEVATION])[:, scan.recorded]
 
 
-def _set_records(records: Paths, best: JointFit, first: int, scan: Scan) -> None:
-    """Write a joint fit to records; the other directions that their beams do not exclude stay."""
+def _set_records(records: Paths, best: JointFit, noise: Real, first: int, scan: Scan) -> None:
+    """Write a fit to links of ``noise`` (link,) to records; other directions that their beams do not exclude stay."""
     g = 10 ** (_gains(best.paths, scan) / 20)
     strongest = np.argmax(g, axis=1)
     covariance = best.covariance
@@ -250,7 +252,7 @@ def _set_records(records: Paths, best: JointFit, first: int, scan: Scan) -> None
             record,
             parameters,
             covariance[block, block],
-            misfit=best.misfit,
+            misfit=max(1.0, best.misfit) * noise[beam] / scan.noise[beam],
             beam=beam,
             beam_gain=g[p, strongest[p]],
             unit_delay_variance=scan.noise[beam] * scan.filter_.matched_filter.delay_variance,

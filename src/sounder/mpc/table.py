@@ -54,7 +54,8 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
         ``azimuth_std``, ``elevation_std``, ``path_gain_std``; ``clock_std`` [s], the part of ``delay_std`` that the
         MPCs of the position share, nearly; ``covariance`` (mpc, parameter, other), in the units of the four; ``snr``
         [dB] of the peak in the beam that sees the path best; ``misfit``, the residual power of the fits in magnitudes
-        of neighbouring beams and in samples about the peak, over that of the noise: about 1 for one path in noise;
+        of neighbouring beams and in samples about the peak, over that of the noise: about 1 for one path in noise, and
+        what errors of the pattern make in a fit of several paths;
         and ``may_be_wrapped``, 1 where the path is so weak that its delay may be longer by a period.
     """
     several_elevations = scan.elevation.size > 1

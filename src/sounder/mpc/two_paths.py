@@ -73,7 +73,7 @@ def split_paths(found: Paths, removed: Complex, scan: Scan) -> tuple[Paths, Comp
         if one is None:
             continue
         two = find_two_paths(one, middle, vague, scan)
-        pair = None if two is None else _records(two, first, beams, scan)
+        pair = None if two is None else _records(two, first, vague, scan)
         if pair is not None:
             kept[members] = False
             pairs.append(pair)
@@ -145,10 +145,10 @@ def _records(two: TwoPaths, first: int, beams: BeamSamples, scan: Scan) -> Paths
             pair[p],
             parameters,
             two.covariance[block, block],
-            misfit=two.misfit,
+            misfit=max(1.0, two.misfit) * beams.noise[best] / scan.noise[beam],
             beam=beam,
             beam_gain=g[best],
-            unit_delay_variance=beams.noise[best] * scan.filter_.matched_filter.delay_variance,
+            unit_delay_variance=scan.noise[beam] * scan.filter_.matched_filter.delay_variance,
         )
         pair[p]["delay"] = first + parameters[DELAY]
     return pair

@@ -52,8 +52,9 @@ def variance_inflation(found: Paths, power: Real, group: Integers, residual: Res
     """Variances of delay and of magnitudes, over those that noise and the fit's own residual make.
 
     With `overlap_inflation` ``v`` for the paths found, `scatter` ``q`` and `unresolved_power` ``u`` over the noise
-    ``N``, that of the delay is ``v max(1, q) + u / N``, that of the magnitudes, whose fit has a residual ``m`` of its
-    own, ``v + u / (N m)``.
+    ``N``, that of the delay is ``v max(1, q) + u / N``, that of the magnitudes, whose fit counts the power ``m N`` as
+    noise (its residual, or the error of the pattern), ``v + u / (N m)``. The delays of a group are fitted with the
+    magnitudes: ``v max(1, q / m) + u / (N m)``.
 
     Parameters
     ----------
@@ -74,8 +75,10 @@ def variance_inflation(found: Paths, power: Real, group: Integers, residual: Res
     inflation = overlap_inflation(found, power, group, scan)
     excess = unresolved_power(found, power, residual, scan) / noise
     scattered = np.ones(len(found)) if residual is None else scatter(found, power, residual, scan)
-    misfit = np.fmax(1.0, found["misfit"])
-    return np.stack([inflation[:, 0] * np.fmax(1.0, scattered) + excess, inflation[:, 1] + excess / misfit], axis=1)
+    counted = np.fmax(1.0, found["misfit"])
+    of_delay = np.where(group >= 0, counted, 1.0)
+    delay = inflation[:, 0] * np.fmax(1.0, scattered / of_delay) + excess / of_delay
+    return np.stack([delay, inflation[:, 1] + excess / counted], axis=1)
 
 
 def overlap_inflation(found: Paths, power: Real, group: Integers, scan: Scan) -> Real:

@@ -42,10 +42,10 @@ PATH = _record(
 ``azimuth_variance`` and so on: variances of the angles [degree2] and of the amplitude; NaN for an angle that was not
 fitted, infinite for one that the beams do not determine. ``azimuth_elevation`` and so on: covariances of these.
 
-``misfit``: residual power of the magnitudes over that of the noise. ``residual_power``: mean power left around the
-peak. ``beam``: number of the link in which the path was found. ``beam_gain``: amplitude of the patterns of that link's
-beams toward the path, relative to boresight. ``pattern_energy``: sum of the squared pattern toward the path over the
-links of the fit.
+``misfit``: residual power of the magnitudes, or what their fit counts as noise, over that of the noise.
+``residual_power``: mean power left around the peak. ``beam``: number of the link in which the path was found.
+``beam_gain``: amplitude of the patterns of that link's beams toward the path, relative to boresight.
+``pattern_energy``: sum of the squared pattern toward the path over the links of the fit.
 
 ``lowest_elevation`` and ``highest_elevation``: bounds of the fit [degree]. ``elevation_spread`` [degree] and
 ``amplitude_spread``: largest differences to other directions that the beams do not exclude. ``search_angles``: whether
