@@ -13,6 +13,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # a test process for each processor, each with one thread for linear algebra; a file's tests run in one process,
 # which makes its fixtures once
 export OPENBLAS_NUM_THREADS := 1
+# compiled modules are kept whatever the caller's Python says: each test process would compile all of them anew
+export PYTHONDONTWRITEBYTECODE :=
 PYTEST := $(BIN)/pytest --numprocesses logical --dist loadfile
 
 .PHONY: demo check test long soak compiled lowest lint docs bench clean

@@ -4,6 +4,9 @@ A heap is ``GCOL``, version 1, its length, and objects one after another: an ind
 content (8 bytes), the content padded to 8 bytes. Index 0 is the free rest; its length counts its header. Zeros in the
 place of this header say that the next object is where this one is.
 
+Heaps lie between the samples, never in them. What a large file holds of samples is therefore not searched: opening a
+recording of gigabytes reads none of it.
+
 References
 ----------
 HDF5 File Format Specification Version 3.0, III.E "Disk Format: Level 1E - Global Heap".
@@ -20,7 +23,7 @@ from erm.common.errors import DataError
 BEGINNING = b"GCOL\1\0\0\0"
 OBJECT = struct.Struct("<H6xQ")
 BLOCK = 2**20
-"""Piece of a file that is searched at once [byte]; chosen."""
+"""Piece of a file that is searched at once, and least stored data that are left out [byte]; chosen."""
 
 
 def require_heaps(path: Path) -> None:
@@ -44,23 +47,56 @@ def require_heaps(path: Path) -> None:
 def _damaged(path: str, modified: int, size: int) -> int | None:  # time and size are part of the key of the cache
     """Place of the first damaged heap."""
     with open(path, "rb") as file:
-        for place in _heaps(file):
-            file.seek(place + len(BEGINNING))
-            length = int.from_bytes(file.read(8), "little")
-            if length <= size - place and not _ends(file.read(length - OBJECT.size)):
-                return place
+        begin = 0
+        for first, length in [*_large_data(path, size), (size, 0)]:
+            for place in _heaps(file, begin, first):
+                file.seek(place + len(BEGINNING))
+                claimed = int.from_bytes(file.read(8), "little")
+                if claimed <= size - place and not _ends(file.read(claimed - OBJECT.size)):
+                    return place
+            begin = max(begin, first + length)
     return None
 
 
-def _heaps(file: BinaryIO) -> Iterator[int]:
-    """Places of all heaps."""
-    first = 0
-    while file.seek(first) == first and (block := file.read(BLOCK + len(BEGINNING) - 1)):
+def _large_data(path: str, size: int) -> list[tuple[int, int]]:
+    """Place and length in the file of what large datasets store, in order; none if the file's structure is damaged."""
+    if size < 2 * BLOCK:
+        return []
+    import h5py
+
+    found: list[tuple[int, int]] = []
+
+    def note(name: bytes) -> None:
+        node = h5py.h5o.open(file.id, name)
+        if not isinstance(node, h5py.h5d.DatasetID):
+            return
+        plist = node.get_create_plist()
+        if plist.get_layout() not in (h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED) or plist.get_external_count():
+            return
+        if node.get_storage_size() < BLOCK:
+            return
+        if (offset := node.get_offset()) is not None:
+            found.append((offset, node.get_storage_size()))
+        elif hasattr(node, "chunk_iter"):  # absent where h5py was built with an older HDF5
+            node.chunk_iter(lambda chunk: found.append((chunk.byte_offset, chunk.size)))
+
+    try:
+        with h5py.File(path, "r") as file:
+            h5py.h5o.visit(file.id, note)
+    except (OSError, RuntimeError, ValueError, KeyError):
+        return []  # opening the file says why
+    return sorted(found)
+
+
+def _heaps(file: BinaryIO, begin: int, end: int) -> Iterator[int]:
+    """Places of all heaps that begin from `begin` up to `end`."""
+    while begin < end and file.seek(begin) == begin:
+        block = file.read(min(BLOCK, end - begin) + len(BEGINNING) - 1)
         at = block.find(BEGINNING)
         while at >= 0:
-            yield first + at
+            yield begin + at
             at = block.find(BEGINNING, at + 1)
-        first += BLOCK
+        begin += BLOCK
 
 
 def _ends(objects: bytes) -> bool:

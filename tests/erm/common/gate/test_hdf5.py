@@ -107,10 +107,13 @@ def test_a_circle_of_groups_and_many_groups_are_harmless(tmp_path):
             list(file)
 
 
-def test_texts_whose_list_goes_in_a_circle_are_refused(tmp_path):
+@pytest.mark.parametrize("samples", [0, 2**20])
+def test_texts_whose_list_goes_in_a_circle_are_refused(tmp_path, samples):
     path = tmp_path / "t.h5"
     with h5py.File(path, "w") as file:
+        file["before"] = np.zeros(samples)  # large ones are not searched
         file["names"] = ["RX1", "RX2"]
+        file.create_dataset("after", data=np.zeros(samples or 8), chunks=(samples // 16 or 1,))
     content = path.read_bytes()
     with open_hdf5(path) as file:
         assert file.dataset("names").texts() == ["RX1", "RX2"]
