@@ -10,6 +10,8 @@ mpl.use("Agg")
 SLOW_EXAMPLES = (
     "src/sounder/__init__.py",
     "src/sounder/campaign/run.py",
+    "src/sounder/campaign/worth.py",
+    "src/sounder/cir/power_spectrum.py",
     "src/sounder/processing/channel_parameters.py",
     "src/sounder/products/engine.py",
     "src/sounder/processing/pipeline.py",

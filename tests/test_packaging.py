@@ -43,6 +43,7 @@ def elsewhere(installed, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_shipped_files_are_found_in_the_installation(installed, elsewhere):
     # all that is asked for is printed as a path below the installation, not below the checkout
     program = (

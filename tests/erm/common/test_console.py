@@ -125,6 +125,7 @@ def test_a_figure_is_saved_whole_or_told(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_a_figure_saved_twice_is_the_same_bytes_without_a_date(tmp_path, suffix):
     figure = Figure(figsize=(1, 1))

@@ -29,6 +29,7 @@ def one_path():
     )
 
 
+@pytest.mark.slow
 def test_a_map_has_equal_axes_in_metres_and_a_legend_beside_it():
     environment = Environment.walls([[[5, 0], [30, 0]]]).with_poles([[20, 5]], 0.1)
     axes = plot_map(environment, table=one_path(), outline=OUTLINE)

@@ -206,6 +206,7 @@ def test_an_empty_map_is_a_legal_drawing(tmp_path):
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.mark.slow
 def test_a_dxf_has_lines_circles_and_faces_on_layers_in_metres(tmp_path):
     ezdxf = pytest.importorskip("ezdxf", reason="the extra cad is not installed")
     place = place_of()

@@ -31,6 +31,7 @@ def measured(seed: int, count: int = 20, std: float = 0.5, zero: float = 0.0) ->
     return xr.concat(tables, dim="mpc"), np.concatenate(orders)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zero", [0.0, 120.0])
 def test_double_reflections_are_told_and_single_ones_kept_whatever_the_zero_of_the_transmitter(zero):
     table, order = measured(1, zero=zero)

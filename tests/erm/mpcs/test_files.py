@@ -183,6 +183,7 @@ def test_what_a_product_marks_as_doubtful_is_widened_or_left_out(tmp_path: Path,
         assert table["elevation"].isnull().all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("evidence", "told"), [([3.0, -9.0], True), ([2.0, 2.0], False)])
 def test_what_only_all_products_together_make_certain_leaves_them_out(tmp_path: Path, evidence, told):
     """Log-likelihood ratios of a fault that all share: 9 is certain, 6 is not."""

@@ -71,6 +71,7 @@ def test_a_wall_whose_delays_wrapped_as_often_as_their_gains_allow_is_located():
     assert located["periods"].values[located["wall"].values == far].max() > 3
 
 
+@pytest.mark.slow
 def test_hypotheses_end_where_a_path_would_be_stronger_than_free_space():
     table = select(square(period=90e-9))
     one = np.flatnonzero(np.isfinite(table["wrap_period"].values))
@@ -87,12 +88,14 @@ def test_hypotheses_end_where_a_path_would_be_stronger_than_free_space():
     assert np.bincount(row).max() > 2
 
 
+@pytest.mark.slow
 def test_without_a_period_delays_are_not_changed():
     environment, located = reconstruct(select(square(known=False)))
     assert (np.abs(offsets(environment) - 80.0) > 1.0).all()
     assert (located["periods"].values == 0).all()
 
 
+@pytest.mark.slow
 def test_delays_that_did_not_wrap_are_not_changed():
     long = square(period=10e-6)
     expected, _ = reconstruct(select(long))

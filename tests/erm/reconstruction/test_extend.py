@@ -82,6 +82,7 @@ def test_a_map_file_holds_the_mpcs_that_it_was_made_from(campaign, tmp_path):
     assert read_map(tmp_path / "map.h5").reflectors.sizes == environment.reflectors.sizes
 
 
+@pytest.mark.slow
 def test_a_position_measured_again_replaces_the_old_one(campaign):
     before = xr.concat(campaign[:8], dim="mpc")
     table, start = add_mpcs(before, np.arange(before.sizes["mpc"]), campaign[3])

@@ -145,6 +145,7 @@ def test_receivers_on_any_line_give_walls_within_their_errors(seed, bearing):
     assert error @ np.linalg.solve(found["covariance"].values, error) < 23
 
 
+@pytest.mark.slow
 def test_the_frame_is_told_apart():
     # the tests above compare something: another frame gives another map
     table = place(1)

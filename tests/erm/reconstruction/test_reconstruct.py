@@ -89,6 +89,7 @@ def test_positions_on_a_line_through_the_transmitter_still_locate_walls():
     assert np.abs(angle_difference(sorted_lines(environment)[:, 0], expected[:, 0])).max() < 0.5
 
 
+@pytest.mark.slow
 def test_errors_that_a_table_does_not_state_are_found():
     rx = route(30)
     tx = np.tile(TX[0], (len(rx), 1))
@@ -145,6 +146,7 @@ def test_a_direct_path_through_a_gap_ends_a_wall():
     assert ends[1] < 0.1 < ends[2]
 
 
+@pytest.mark.slow
 def test_the_order_of_rows_does_not_matter():
     table = scene(delay_std=1e-10, azimuth_std=0.5, seed=5)
     order = np.random.default_rng(6).permutation(table.sizes["mpc"])

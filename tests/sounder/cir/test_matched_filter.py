@@ -21,6 +21,7 @@ def measured(matched, row, delay):
     return row[np.arange(-reach, reach + 1)] @ filter_ / (pulse @ filter_)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [None, 2, 5])
 def test_errors_are_as_stated_and_near_the_bound(bench_maker, seed):
     """Amplitude and delay of a path in noise of one beam, through a random instrument, at any place between samples."""

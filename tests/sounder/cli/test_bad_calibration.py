@@ -10,6 +10,7 @@ from sounder.processing.summary import describe_file
 from .commands import SCENE, SOUNDER, names, run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("replaced", "expected"),
     [

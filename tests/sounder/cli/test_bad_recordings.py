@@ -56,6 +56,7 @@ def test_a_bad_recording_is_named_and_the_rest_processed(copied, what, expected,
     assert printed.out == f"{out}: 1 product\n"
 
 
+@pytest.mark.slow
 def test_what_is_no_recording_is_named(copied, capsys):
     text = copied / "text.h5"
     text.write_text("not HDF5")

@@ -59,6 +59,7 @@ def test_info_imports_nothing_that_computes(campaign, products, file):
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.slow
 def test_info_names_what_a_broken_product_lacks(products, tmp_path, capsys):
     shutil.copy(products / "RX1.h5", tmp_path / "broken.h5")
     with h5py.File(tmp_path / "broken.h5", "r+") as file:

@@ -26,6 +26,7 @@ def test_simulate_writes_recordings_and_truth(campaign):
     assert [int((paths["position"] == name).sum()) for name in ("RX1", "RX2")] == [5, 5]
 
 
+@pytest.mark.slow
 def test_the_direct_path_is_found_where_it_is(campaign, products):
     for name, rx in (("RX1", (12, 3, 1.5)), ("RX2", (14, 6, 1.5))):
         toward = np.array((4, 5, 3)) - rx

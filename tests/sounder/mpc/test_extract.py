@@ -276,6 +276,7 @@ def test_nyu_threshold_is_25_db_under_the_strongest(bench):
     assert near(mpcs(bench, paths, noise=-140.0), paths[2]).sizes["mpc"] == 1
 
 
+@pytest.mark.slow
 def test_thresholds_are_numbers(bench):
     """The horn adds its gain to path gain, so that the second path is 45 dB over the noise of its beam at most."""
     paths = [(-100.0, 200e-9, 40.0, 0.0), (-120.0, 300e-9, 170.0, 0.0), (-130.0, 400e-9, 300.0, 0.0)]

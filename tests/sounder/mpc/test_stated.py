@@ -32,6 +32,7 @@ def test_variances_are_those_of_random_surveys() -> None:
     assert elevation_std == pytest.approx(np.std(np.degrees(np.arcsin(moved[:, 2] / length))), rel=0.025)
 
 
+@pytest.mark.slow
 def test_an_mpc_holds_what_is_stated() -> None:
     path = {"coefficient": 1e-5, "delay": 200e-9, "azimuth": 13.0, "elevation": 2.0}
     paths = xr.Dataset({key: ("path", [value]) for key, value in path.items()})

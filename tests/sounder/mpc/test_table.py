@@ -101,6 +101,7 @@ def test_methods_differ_where_paths_overlap(bench):
     assert rmse["clean"] < 0.9 * rmse["peaks"]
 
 
+@pytest.mark.slow
 def test_copies_that_the_instrument_makes_are_no_paths(bench):
     """A path 40 ns later and 20 dB weaker is taken for a path, unless the description says the instrument makes it."""
     paths = [(-100.0, 200e-9, 40.0, 2.0), (-120.5, 240e-9, 40.0, 2.0), (-112.0, 300e-9, 140.0, 2.0)]

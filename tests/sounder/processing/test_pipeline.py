@@ -189,6 +189,7 @@ def test_any_name_of_a_position_becomes_a_file_in_the_folder(jobs, tmp_path, nam
     assert open_group(product)["position"].item() == name  # the name itself is kept inside
 
 
+@pytest.mark.slow
 def test_a_product_is_whole_or_absent(jobs, tmp_path, monkeypatch):
     batch = jobs("A")
     out = tmp_path / "out"

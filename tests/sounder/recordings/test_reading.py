@@ -13,6 +13,7 @@ from sounder.recordings.writer import write_recording
 from .files import WAVEFORM
 
 
+@pytest.mark.slow
 def test_a_recording_comes_back_bit_for_bit(path, recording):
     (back,) = open_recordings(path)
     for a, e in np.ndindex(3, 2):

@@ -50,6 +50,7 @@ def structure(page) -> Structure:
     return Structure(page.read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_texts_of_users_are_texts(structure):
     assert structure.texts["h1"] == [HOSTILE]
     assert structure.texts["title"] == [HOSTILE]

@@ -95,6 +95,7 @@ def test_what_is_larger_than_the_limit_is_refused_with_the_option_that_raises_it
             file["x"][()]
 
 
+@pytest.mark.slow
 def test_a_circle_of_groups_and_many_groups_are_harmless(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["g/x"] = 1.0

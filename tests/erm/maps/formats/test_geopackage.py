@@ -94,6 +94,7 @@ def test_receivers_are_where_the_map_has_them(tmp_path):
     np.testing.assert_allclose(points, np.add([RX[1], RX[2], RX[0]], [0.5, 0.0, 0.0])[:, :2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "crs", "place", "complaint"),
     [
@@ -117,6 +118,7 @@ def test_the_wrong_zone_is_said():
     assert remark_on_system("EPSG:3460", fiji) is None
 
 
+@pytest.mark.slow
 def test_a_drawing_in_a_projected_system(tmp_path):
     ezdxf = pytest.importorskip("ezdxf", reason="the extra cad is not installed")
     write_map(street(), tmp_path / "map.dxf", crs="EPSG:25832")

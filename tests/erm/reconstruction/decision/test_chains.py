@@ -47,6 +47,7 @@ def test_walls_that_are_known_badly_explain_no_chains(offset_std, some):
     assert bool(found) == some
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chain", [(0, 3), (3, 0), (0, 2), (1, 0)])
 def test_double_reflections_that_agree_on_a_wall_are_rejected(chain):
     rx = route()

@@ -65,6 +65,7 @@ def test_parallel_walls_three_metres_apart_stay_two():
     np.testing.assert_allclose(np.sort(found[:, 1]), [-53.38, -50.38], atol=0.5)
 
 
+@pytest.mark.slow
 def test_faces_half_a_metre_apart_are_told_apart():
     rx = route(24)
     tx = np.tile(TX[0], (len(rx), 1))

@@ -92,6 +92,7 @@ def measured(length, seen, rx, loss, delay_std, azimuth_std, rng):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_poles_that_stand_near_each_other_are_two(seed):
     posts = np.array([[35.0, 9.0], [36.5, 9.0]])

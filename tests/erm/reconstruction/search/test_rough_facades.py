@@ -50,6 +50,7 @@ def test_piers_and_panes_are_one_facade(exact):
     assert found.covariance.values[0, 1, 1] > 0.5 * np.var(north) / len(north)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("setback", [0.0, 0.3])
 def test_smooth_and_stepped_facades_have_no_relief(setback):
     table, _ = measured(np.array([[[-30, 10.0], [-10, 10.0]], [[-10, 10 + setback], [30, 10 + setback]]]), 5)

@@ -42,6 +42,7 @@ def hits(entry):
     return sum(entry.compiled.stats.cache_hits.values())
 
 
+@pytest.mark.slow
 def test_what_was_compiled_is_loaded_by_the_next_process(folder):
     assert cache.kept_files(double) == []
     assert hits(doubled()) == 0
@@ -62,6 +63,7 @@ def test_damaged_files_are_made_anew(folder, suffix, damage):
     assert hits(doubled()) == 1
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_costs_only_time(folder, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")

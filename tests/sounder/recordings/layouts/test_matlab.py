@@ -72,6 +72,7 @@ def test_three_positions_of_matlab_are_not_transposed(opened):
     assert np.array_equal([r.rx_position for r in found], rx)
 
 
+@pytest.mark.slow
 def test_a_damaged_matlab_file_is_reported(tmp_path, sounder):
     path = tmp_path / "cut.mat"
     savemat(path, {"raw": IQ}, do_compression=True)

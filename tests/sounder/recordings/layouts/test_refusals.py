@@ -126,6 +126,7 @@ def test_an_invalid_layout_is_reported_in_one_line(tmp_path, layout, expected):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "content"), [("x.mat", b"not MATLAB at all"), ("x.dat", b"something"), ("y.mat", None)]
 )
