@@ -7,7 +7,7 @@ import numpy as np
 from erm.geometry.cylinders import reflection_azimuths, spreading_factor
 from erm.geometry.vertical import azimuth_of, unit
 from erm.maps.environment import Environment
-from erm.tracing.faces import FACE_THICKNESS
+from erm.tracing.faces import FACE_THICKNESS, Faces
 
 
 class Cylinders(NamedTuple):
@@ -55,6 +55,15 @@ class CylinderReflections(NamedTuple):
     point: np.ndarray  # (path, 3) m
     normal: np.ndarray  # (path, 3) unit normals on the side of the antennas
     spreading: np.ndarray  # (path,) m; replaces the path length in the spreading loss
+
+
+class CylinderPaths(NamedTuple):
+    """Paths off one cylinder and as many flat faces as they have further bounces."""
+
+    vertices: np.ndarray  # (path, bounce, 3) m
+    reflector: np.ndarray  # (path, bounce) index in the environment
+    normal: np.ndarray  # (path, bounce, 3)
+    spreading: np.ndarray  # (path,) m
 
 
 def cylinders_of(environment: Environment, kinds: tuple[str, ...] = ("pole", "arc")) -> Cylinders:
@@ -108,3 +117,36 @@ def reflections(cylinders: Cylinders, tx: np.ndarray, rx: np.ndarray) -> Cylinde
         np.column_stack([side[:, None] * outward, np.zeros(len(side))]),
         length / np.sqrt(factor),
     )
+
+
+def single_bounces(cylinders: Cylinders, tx: np.ndarray, rx: np.ndarray) -> CylinderPaths:
+    """Paths between two antennas (3,) off one cylinder; poles reflect on the outside only."""
+    found = reflections(cylinders, tx, rx)
+    outside = (found.normal[:, :2] * (found.point[:, :2] - cylinders.centre[found.cylinder])).sum(-1) > 0
+    kept = outside | (cylinders.sweep[found.cylinder] < 360)
+    columns = (found.point[:, None], cylinders.label[found.cylinder, None], found.normal[:, None], found.spreading)
+    return CylinderPaths(*(column[kept] for column in columns))
+
+
+def double_bounces(cylinders: Cylinders, faces: Faces, tx: np.ndarray, rx: np.ndarray) -> list[CylinderPaths]:
+    """Paths between two antennas (3,) off a flat face and a cylinder, in both orders.
+
+    The image of the transmitter in a face before the cylinder sees a single bounce, and so does, with the path
+    reversed, that of the receiver in a face after it.
+    """
+    found = []
+    for face in range(len(faces.label)):
+        for start, end, order in ((tx, rx, [0, 1]), (rx, tx, [1, 0])):
+            image = faces.mirror(start, np.array(face))
+            bent = single_bounces(cylinders, image, end)
+            point = bent.vertices[:, 0]
+            here, there = faces.distance(point, face), float(faces.distance(image, face))
+            crosses = (here * there < 0) & (np.abs(here) > FACE_THICKNESS)
+            share = np.where(crosses, here, 0.0) / np.where(crosses, here - there, 1.0)
+            met = point + share[:, None] * (image - point)
+            kept = crosses & faces.contains(met, np.array(face))
+            vertices = np.stack([met, point], axis=1)[kept][:, order]
+            label = np.column_stack([np.full(len(point), faces.label[face]), bent.reflector[:, 0]])[kept][:, order]
+            normal = np.stack([np.tile(faces.normal[face], (len(point), 1)), bent.normal[:, 0]], axis=1)[kept][:, order]
+            found.append(CylinderPaths(vertices, label, normal, bent.spreading[kept]))
+    return found

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from erm.common.constants import c
 from erm.common.errors import DataError
 from erm.maps.environment import CEILING, GROUND, NO_BOUNCE, Environment
-from erm.tracing.cylinders import cylinders_of, reflections
+from erm.tracing.cylinders import CylinderPaths, cylinders_of, double_bounces, single_bounces
 from erm.tracing.faces import faces_of
 from erm.tracing.image_method import polyline, sequences, specular_paths
 from erm.tracing.obstacles import Obstacles, obstacles_of
@@ -27,12 +27,13 @@ def trace(
     max_order: int = 3,
     polarization: Polarization = "vertical",
     obstacles: Environment | None = None,
+    max_cylinder_order: int = 1,
 ) -> "xr.Dataset":
     """Find the direct path and all specular paths between two isotropic antennas.
 
     The image method is applied to walls, ground and ceiling. Both sides of a wall reflect; nothing passes through it.
-    Poles and arcs add paths with a single reflection, exact by Fermat's principle (`erm.geometry.cylinders`); arcs
-    block, poles do not. `path_coefficients` and, for curved faces, `erm.geometry.cylinders.spreading_factor` give the
+    Poles and arcs add paths with a single reflection, and with one off a flat face before or after it, exact by
+    Fermat's principle (`erm.geometry.cylinders`); arcs block, poles do not. `path_coefficients` and, for curved faces, `erm.geometry.cylinders.spreading_factor` give the
     amplitudes.
 
     Parameters
@@ -49,6 +50,8 @@ def trace(
     obstacles : Environment, optional
         Walls and arcs that block paths; default: those of the environment. Give both if walls may extend further than
         is known: the possible walls then reflect, and only the known ones block.
+    max_cylinder_order : {1, 2}
+        Largest number of reflections of a path that meets a pole or an arc.
 
     Returns
     -------
@@ -84,12 +87,17 @@ def trace(
         raise DataError(f"polarization {polarization!r}; expected one of {', '.join(get_args(Polarization))}")
     if max_order < 0:
         raise DataError(f"max_order {max_order}; expected 0 or more")
+    if max_cylinder_order not in (1, 2):
+        raise DataError(f"max_cylinder_order {max_cylinder_order}; expected 1 or 2")
 
     faces = faces_of(environment)
     blocking = obstacles_of(environment if obstacles is None else obstacles)
     found = [_direct(blocking, here, there)]
-    if max_order:
-        found.append(_cylinders(environment, blocking, here, there))
+    cylinders = cylinders_of(environment)
+    bent = [single_bounces(cylinders, here, there)] if max_order else []
+    if min(max_order, max_cylinder_order) > 1:
+        bent += double_bounces(cylinders, faces, here, there)
+    found += [_unblocked(paths, blocking, here, there) for paths in bent]
     for candidates in sequences(faces, here, max_order):
         vertices, face = specular_paths(faces, here, there, candidates, blocking)
         found.append((vertices, faces.label[face], faces.normal[face], None))
@@ -105,15 +113,10 @@ def _direct(blocking: Obstacles, tx: np.ndarray, rx: np.ndarray) -> Group:
     return np.empty((visible, 0, 3)), np.empty((visible, 0), dtype=int), np.empty((visible, 0, 3)), None
 
 
-def _cylinders(environment: Environment, blocking: Obstacles, tx: np.ndarray, rx: np.ndarray) -> Group:
-    cylinders = cylinders_of(environment)
-    found = reflections(cylinders, tx, rx)
-    is_pole = cylinders.sweep[found.cylinder] == 360  # seen from outside, on the near side only
-    outside = (found.normal[:, :2] * (found.point[:, :2] - cylinders.centre[found.cylinder])).sum(-1) > 0
-    route = polyline(tx, found.point[:, None], rx)
-    free = blocking.leave_free(route[:, :-1], route[:, 1:]).all(axis=-1) & (outside | ~is_pole)
-    label = cylinders.label[found.cylinder]
-    return found.point[free, None], label[free, None], found.normal[free, None], found.spreading[free]
+def _unblocked(paths: CylinderPaths, blocking: Obstacles, tx: np.ndarray, rx: np.ndarray) -> Group:
+    route = polyline(tx, paths.vertices, rx)
+    free = blocking.leave_free(route[:, :-1], route[:, 1:]).all(axis=-1)
+    return paths.vertices[free], paths.reflector[free], paths.normal[free], paths.spreading[free]
 
 
 def _paths(

@@ -111,3 +111,23 @@ def test_an_arc_blocks_what_crosses_it_and_reflects_on_both_sides():
     assert trace(arc, [0.0, 1.0, 5.0], [9.0, 1.0, 5.0], FREQUENCY).los.any()  # above it
     assert trace(arc, outside, [9.0, 3.0, 1.0], FREQUENCY).order.values.tolist() == [0, 1]
     assert trace(arc, inside, [1.0, -1.0, 1.0], FREQUENCY).order.values.tolist() == [0, 1]
+
+
+def test_chains_off_a_pole_and_a_wall_are_single_bounces_of_images():
+    """The image of an antenna in the wall sees the pole itself, or the image of the pole, once."""
+    wall = Environment.walls([[[-30.0, 8.0], [30.0, 8.0]]], top=9.0)
+    tx, rx = np.array([-7.0, 1.0, 3.0]), np.array([6.0, -2.0, 1.5])
+    place = wall.with_poles([[1.0, 3.0]], 0.3, top=9.0)
+    found = trace(place, tx, rx, FREQUENCY, max_order=2, max_cylinder_order=2)
+    assert found.sizes["path"] == trace(place, tx, rx, FREQUENCY, max_order=2).sizes["path"] + 2
+    only = Environment.empty().with_poles([[1.0, 3.0]], 0.3, top=9.0)
+    for order, (first, last) in (
+        ([0, 1], (np.array([-7.0, 15.0, 3.0]), rx)),
+        ([1, 0], (tx, np.array([6.0, 18.0, 1.5]))),
+    ):
+        path = found.isel(path=np.flatnonzero((found.reflector.values == order).all(axis=1)).item())
+        alone = trace(only, first, last, FREQUENCY).isel(path=1)
+        assert float(path.delay) == pytest.approx(float(alone.delay), rel=1e-12)
+        assert 0 < float(alone.path_gain - path.path_gain) < 20  # a wall spreads nothing
+        legs = np.diff(np.vstack([tx, path.vertices.values, rx]), axis=0)
+        assert np.linalg.norm(legs, axis=1).sum() == pytest.approx(float(path.delay) * 299792458.0, rel=1e-12)
