@@ -1,15 +1,17 @@
 """Curved faces of random places: how many are found, how exact radii are, and how often plane places get cylinders.
 
 Places are traced with `erm.trace`, whose reflections off cylinders are held against closed forms in the tests and
-against an independent script. A place has two to four walls, and with ``--curved`` one to three arcs (radius 1 to 40 m,
-a third of them concave) and up to four pillars; chains off a cylinder and a plane are among the paths. ``--delay-std``,
+against an independent script. A place has two to four walls, and unless it is ``--plane`` one to three arcs (radius 1
+to 40 m, a third of them concave) and up to four pillars; chains off a cylinder and a plane are among the paths.
+``--street`` is a street with a colonnade, a curved facade, a rounded corner and a lamp post. ``--delay-std``,
 ``--azimuth-std``, ``--strays`` are what a measurement adds, and ``--survey`` what a survey does: positions to 0.15 m,
 headings to half a degree and clocks to 0.2 ns each, all azimuths by -4 degrees, all delays by -2.3 ns, all gains by
--12 dB. Each false element is printed with what its MPCs are. ``--street`` is a street with a
-colonnade, a curved facade, a rounded corner and a lamp post. With ``--relief`` the walls of a plane place are facades of piers and panes, recessed by up to 0.35 m and tilted
-by up to a degree: each is to be one wall on the mean of what it reflected.
+-12 dB. Each false element is printed with what its MPCs are. With ``--relief`` the walls of a plane place are facades
+of piers and panes, recessed by up to 0.35 m and tilted by up to a degree: each is to be one wall on the mean of what it
+reflected.
 
-    python benchmarks/curved_worlds.py --places 10 [--plane] [--relief] [--delay-std 0.1] [--azimuth-std 0.6] [--strays 0.3] [--survey]
+    python benchmarks/curved_worlds.py --places 10 [--plane] [--street] [--relief] [--delay-std 0.1]
+        [--azimuth-std 0.6] [--strays 0.3] [--survey]
 """
 
 import argparse

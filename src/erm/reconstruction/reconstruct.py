@@ -7,6 +7,7 @@ import numpy as np
 
 from erm.common.constants import c
 from erm.maps.environment import Environment
+from erm.mpcs.ground import is_ground_companion
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.reconstruction.assemble import assemble
@@ -16,6 +17,7 @@ from erm.reconstruction.curved.faces import (
     beside_walls,
     chains_off,
     find_curved_faces,
+    standing,
     without_ghosts_of_poles,
 )
 from erm.reconstruction.decision.decide import Decision, decide_walls
@@ -139,18 +141,18 @@ def locate_walls(
     ungrouped = np.zeros(len(paths), dtype=bool)
     ungrouped[np.searchsorted(rows, certain)] = True  # the others do not extend a wall
     ungrouped[concatenate_rows(group.inliers for group in groups)] = False
-    ungrouped[np.isin(paths.row, curved.rows)] = False
+    ungrouped[np.isin(paths.row, np.r_[curved.rows, curved.thin_rows])] = False
     as_measured = split_bent_facades(paths, groups[:number_as_measured], ungrouped, min_support)
     ungrouped[concatenate_rows(group.inliers for group in as_measured)] = False
     paths, as_measured = merge_rough_facades(paths, as_measured, ungrouped, min_support)
     groups = as_measured + groups[number_as_measured:]
-    decision = _decide(table, paths, groups, max_gap, min_support)
+    decision = _decide(table, paths, groups, max_gap, min_support, standing(curved, max_gap))
     # groups with longer delays that are not walls are no evidence about other candidates
     taken = concatenate_rows(wall.inliers for wall in decision.walls)
     valid = [n < len(as_measured) or bool(np.isin(group.inliers, taken).all()) for n, group in enumerate(groups)]
     if not all(valid):
         groups = list(compress(groups, valid))
-        decision = _decide(table, paths, groups, max_gap, min_support)
+        decision = _decide(table, paths, groups, max_gap, min_support, standing(curved, max_gap))
     table, measured = with_wrapped_delays(table, measured, wrapped, decision.walls, count)
     decision, chains, positions = bundle_walls(table, measured, decision, positions, max_gap)
     candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
@@ -172,18 +174,20 @@ def locate_walls(
 
 
 def _without_curved(table: "xr.Dataset", curved: Curved) -> "xr.Dataset":
-    """Return the table with the MPCs off curved faces marked."""
+    """Return the table with the MPCs off curved faces marked; those off thin poles lose more than walls."""
     reason, accepted = table["reason"].values.astype(object), table["accepted"].values.copy()
-    reason[curved.rows], accepted[curved.rows] = Reason.CURVED_FACE, False
+    for rows, why in ((curved.rows, Reason.CURVED_FACE), (curved.thin_rows, Reason.LOSS)):
+        reason[rows], accepted[rows] = why, False
     return table.assign(reason=("mpc", reason.astype(np.str_)), accepted=("mpc", accepted))
 
 
-def _decide(table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float, min_support: int) -> Decision:
+def _decide(
+    table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float, min_support: int, curved: np.ndarray
+) -> Decision:
     """Decide which groups are walls."""
     candidates = [Wall(paths, group.line, group.inliers) for group in groups]
-    return decide_walls(
-        candidates, _minor_walls(table, paths, groups), lines_of_sight(table), _links(table), max_gap, min_support
-    )
+    minor, links = _minor_walls(table, paths, groups), _links(table)
+    return decide_walls(candidates, minor, lines_of_sight(table), links, max_gap, min_support, curved)
 
 
 def _may_be_off_poles(table: "xr.Dataset", explained: IntArray) -> BoolArray:
@@ -193,7 +197,7 @@ def _may_be_off_poles(table: "xr.Dataset", explained: IntArray) -> BoolArray:
     np.maximum.at(strongest, cluster, gain)
     possible = np.isin(table["reason"].values, (Reason.ACCEPTED, Reason.LOSS)) & (gain == strongest[cluster])
     possible[explained] = False
-    return possible & fits_vertical_wall(table)
+    return possible & fits_vertical_wall(table) & ~is_ground_companion(table)
 
 
 def _minor_walls(table: "xr.Dataset", paths: Paths, groups: list[Group]) -> list[Wall]:

@@ -33,8 +33,8 @@ def trace(
 
     The image method is applied to walls, ground and ceiling. Both sides of a wall reflect; nothing passes through it.
     Poles and arcs add paths with a single reflection, and with one off a flat face before or after it, exact by
-    Fermat's principle (`erm.geometry.cylinders`); arcs block, poles do not. `path_coefficients` and, for curved faces, `erm.geometry.cylinders.spreading_factor` give the
-    amplitudes.
+    Fermat's principle (`erm.geometry.cylinders`); arcs block, poles do not. `path_coefficients` and, for curved faces,
+    `erm.geometry.cylinders.spreading_factor` give the amplitudes.
 
     Parameters
     ----------

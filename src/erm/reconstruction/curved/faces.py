@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import shapely
 
-from erm.geometry.vertical import FloatArray
+from erm.geometry.vertical import FloatArray, unit
+from erm.maps.arcs import arc_points
+from erm.mpcs.ground import is_ground_companion
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.reconstruction.curved.choose import curved_faces
@@ -29,6 +31,8 @@ class Curved(NamedTuple):
 
     faces: list[CurvedFace]
     search: CylinderSearch
+    thin: list[CurvedFace]
+    """Poles too thin to tell their radii."""
 
     @property
     def paths(self) -> Paths:
@@ -38,7 +42,15 @@ class Curved(NamedTuple):
     @property
     def rows(self) -> IntArray:
         """Rows of the table that are off curved faces."""
-        rows = [self.paths.row[face.inliers] for face in self.faces]
+        return self._rows_of(self.faces)
+
+    @property
+    def thin_rows(self) -> IntArray:
+        """Rows of the table that are off thin poles."""
+        return self._rows_of(self.thin)
+
+    def _rows_of(self, faces: list[CurvedFace]) -> IntArray:
+        rows = [self.paths.row[face.inliers] for face in faces]
         return np.concatenate([np.empty(0, dtype=np.int64), *rows])
 
 
@@ -47,9 +59,11 @@ def find_curved_faces(
 ) -> tuple[Curved, list[Group]]:
     """Curved faces among the MPCs that may be single reflections, and the groups of the others.
 
-    Their standard errors are widened as those of the grouped paths were.
+    What is off a thin pole is neither, and what met the ground as well is off no face of its own. The standard errors
+    are widened as those of the grouped paths were.
     """
     possible = np.isin(table["reason"].values, (Reason.ACCEPTED, Reason.LOSS)) & fits_vertical_wall(table)
+    possible &= ~is_ground_companion(table)
     pool = measured.take(np.flatnonzero(possible))
     if len(paths):
         wider = [
@@ -58,7 +72,21 @@ def find_curved_faces(
         ]
         pool = pool.with_errors(pool.length_std * wider[0], pool.azimuth_std * wider[1])
     faces, search, left = curved_faces(paths, groups, pool, min_support)
-    return Curved(faces, search), left
+    thin = [face for face in faces if face.is_thin]
+    return Curved([face for face in faces if not face.is_thin], search, thin), left
+
+
+def standing(curved: Curved, max_gap: float) -> np.ndarray:
+    """Where (face,) curved faces stand, seen from above: disks of pillars, lines of arcs."""
+    round_ = [face for face in (*curved.faces, *curved.thin) if is_pole(face)]
+    centres = shapely.points(np.array([face.fit.centre for face in round_]).reshape(-1, 2))
+    arcs = []
+    for face in curved.faces:
+        for low, high, _ in [] if is_pole(face) else arc_azimuths(face, curved.paths, max_gap):
+            ends = face.fit.centre + abs(face.fit.radius) * unit(np.array([low, high]))
+            arcs.append(shapely.linestrings(arc_points(ends, face.fit.centre, face.fit.radius)))
+    disks = shapely.buffer(centres, [face.fit.radius for face in round_])
+    return np.array([*disks, *arcs], dtype=object)
 
 
 def beside_walls(curved: Curved, walls: Sequence[Wall]) -> Curved:

@@ -50,6 +50,11 @@ class CurvedFace(NamedTuple):
     log_view: float  # log probability that just these of the links in view received it
 
     @property
+    def is_thin(self) -> bool:
+        """Whether the radius follows from the loss only, as of a thin pole."""
+        return bool(abs(self.fit.radius) < SIGMAS * np.sqrt(self.fit.covariance[2, 2]))
+
+    @property
     def evidence(self) -> float:
         """Log odds of the cylinder against clutter."""
         return float(self.log_odds.sum()) + self.log_volume + self.log_view
@@ -201,8 +206,6 @@ class CylinderSearch:
         paths = self.paths.take(inliers)
         fit = compared(paths, self.normal[inliers], parameters[:2], float(parameters[2]), covariance)
         kept = fit.chi_squared < CHI_SQUARED_GATE
-        if abs(fit.radius) < SIGMAS * np.sqrt(fit.covariance[2, 2]):
-            return None  # a thin pole, whose radius follows from its loss only
         if np.count_nonzero(kept) < MIN_PATHS:
             return None
         fit = fit._replace(

@@ -8,6 +8,7 @@ from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import CONSISTENT_LOSS, ELEVATION_TOLERANCE
@@ -16,8 +17,8 @@ from erm.reconstruction.decision.conflicts import Conflicts
 from erm.reconstruction.decision.corners import corner_pairs
 from erm.reconstruction.decision.duplicates import merge_duplicates
 from erm.reconstruction.decision.multi_bounce import MAX_MIRROR_ERROR, hidden_wall_pairs, is_multi_bounce, mirror_of
-from erm.reconstruction.decision.pieces import Links, cut_walls
-from erm.reconstruction.model.extent import STRAY_SHARE, Legs, Piece
+from erm.reconstruction.decision.pieces import Links, cut_walls, plan_lines
+from erm.reconstruction.model.extent import MAX_TESTED_PATHS, STRAY_SHARE, Legs, Piece, legs_of
 from erm.reconstruction.model.loss import (
     LOSS_SCATTER,
     excess_loss,
@@ -84,10 +85,16 @@ class Candidates:
         Direct paths known to be unobstructed.
     max_gap : float
         [m].
+    curved : array (face,) of shapely.Geometry
+        Where curved faces stand.
     """
 
-    def __init__(self, walls: Sequence[Wall], minor: Sequence[Wall], lines_of_sight: Legs, max_gap: float) -> None:
+    def __init__(
+        self, walls: Sequence[Wall], minor: Sequence[Wall], lines_of_sight: Legs, max_gap: float, curved: np.ndarray
+    ) -> None:
         self.walls = list(walls)
+        tree = shapely.STRtree(curved)
+        self._curved_openings = [_openings_of_curved(wall, tree) for wall in walls]
         self._is_multi_bounce: dict[tuple[int, bytes], bool] = {}
         self._mirrors = [mirror_of(wall, max_gap) for wall in walls]
         self._minor_mirrors = [mirror_of(wall, max_gap) for wall in minor if _is_certain(wall)]
@@ -133,7 +140,7 @@ class Candidates:
         log_odds = self._log_odds_beside(wall, stronger)
         if log_odds < 0:
             return Reason.IMPLAUSIBLE
-        if log_odds + PER_OPENING * self._conflicts.openings(wall, stronger) < 0:
+        if log_odds + PER_OPENING * (self._conflicts.openings(wall, stronger) + self._curved_openings[wall]) < 0:
             return Reason.OBSTRUCTION
         key = (wall, others.tobytes())
         if key not in self._is_multi_bounce:
@@ -172,6 +179,7 @@ def decide_walls(
     links: Links,
     max_gap: float,
     min_support: int,
+    curved: np.ndarray,
 ) -> Decision:
     """Tell walls from chains of reflections.
 
@@ -190,11 +198,13 @@ def decide_walls(
         Reflection points on one line further apart than this are on different walls [m].
     min_support : int
         Fewest paths on the pieces of a wall. A path far from the others may be off another wall and is no evidence.
+    curved : array (face,) of shapely.Geometry
+        Where curved faces stand.
     """
     false_alarms = are_false_alarms(candidates)
     rejected = [(wall, Reason.FALSE_ALARM) for wall in compress(candidates, false_alarms)]
     distinct = merge_duplicates(list(compress(candidates, ~false_alarms)), max_gap)
-    ranked = Candidates(distinct, minor, lines_of_sight, max_gap)
+    ranked = Candidates(distinct, minor, lines_of_sight, max_gap, curved)
     walls = ranked.walls
     accepted = np.zeros(len(walls), dtype=bool)
     for _ in range(MAX_ROUNDS):
@@ -208,10 +218,18 @@ def decide_walls(
     ]
     chosen = sorted(np.flatnonzero(accepted).tolist(), key=lambda i: (-walls[i].support, ranked.rank[i]))
     kept = [walls[i] for i in chosen]
-    pieces = cut_walls(kept, lines_of_sight, links, max_gap)
+    pieces = cut_walls(kept, lines_of_sight, links, max_gap, curved)
     shared = [sum(len(piece.inliers) for piece in own) >= min_support for own in pieces]
     too_few = [(wall, Reason.NOT_SHARED) for wall, enough in zip(kept, shared, strict=True) if not enough]
     return Decision(list(compress(kept, shared)), list(compress(pieces, shared)), reasons + rejected + too_few)
+
+
+def _openings_of_curved(wall: Wall, curved: shapely.STRtree) -> int:
+    """Number of curved faces that a candidate's paths pass through, if more than half of the paths meet any."""
+    wall = wall.thinned(MAX_TESTED_PATHS)
+    leg, face = curved.query(plan_lines(*legs_of(wall)), predicate="intersects")
+    met = len(np.unique(leg % wall.support))
+    return len(np.unique(face)) if met > wall.support / 2 else 0
 
 
 def _is_certain(wall: Wall) -> bool:

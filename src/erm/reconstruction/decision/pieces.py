@@ -33,7 +33,9 @@ class Links(NamedTuple):
     rx: FloatArray  # (link, 3) m
 
 
-def cut_walls(walls: Sequence[Wall], lines_of_sight: Legs, links: Links, max_gap: float) -> list[list[Piece]]:
+def cut_walls(
+    walls: Sequence[Wall], lines_of_sight: Legs, links: Links, max_gap: float, curved: np.ndarray
+) -> list[list[Piece]]:
     """Cut walls where unobstructed paths pass, and where links with a clear view received no reflection.
 
     Parameters
@@ -46,6 +48,8 @@ def cut_walls(walls: Sequence[Wall], lines_of_sight: Legs, links: Links, max_gap
         All antenna pairs.
     max_gap : float
         Reflection points further apart are on different pieces [m].
+    curved : array (face,) of shapely.Geometry
+        Where curved faces stand: they hide walls, too.
 
     Returns
     -------
@@ -69,11 +73,11 @@ def cut_walls(walls: Sequence[Wall], lines_of_sight: Legs, links: Links, max_gap
     order = np.argsort(crossed, kind="stable")
     leg, crossed = leg[order], crossed[order]
     edges = np.searchsorted(crossed, np.arange(len(walls) + 1))
-    pieces = []
+    pieces, shadows = [], shapely.STRtree(curved)
     for number, wall in enumerate(walls):
         crossing = leg[edges[number] : edges[number + 1]]
         crossing = crossing[owner[crossing] != number]
-        missed = _missed_reflections(wall, number, footprints, tree, links)
+        missed = _missed_reflections(wall, number, footprints, (tree, shadows), links)
         cut = cut_wall(wall, max_gap, Legs(start[crossing], end[crossing]), missed)
         # a single point far from the others may be off another wall in line with this one to a few centimetres
         supported = [piece for piece in cut if len(piece.inliers) > 1] or cut
@@ -88,9 +92,13 @@ def span(footprint: Footprint, beyond: float = 0.0) -> FloatArray:
 
 
 def _missed_reflections(
-    wall: Wall, number: int, footprints: Sequence[Footprint], tree: shapely.STRtree, links: Links
+    wall: Wall,
+    number: int,
+    footprints: Sequence[Footprint],
+    trees: tuple[shapely.STRtree, shapely.STRtree],
+    links: Links,
 ) -> FloatArray:
-    """Places (n,) along a wall where links should have received a reflection and did not, with no wall between [m]."""
+    """Places (n,) along a wall where links should have received a reflection and did not, with nothing between [m]."""
     along = np.sort(wall.line.along(wall.reflection_points))
     if np.diff(along).max(initial=0.0) <= SOLID_GAP:
         return np.empty(0)
@@ -113,7 +121,7 @@ def _missed_reflections(
     if not len(front):
         return np.empty(0)
     legs = Legs(np.vstack([links.tx[front], links.rx[front]]), np.vstack([points, points]))
-    hidden = hidden_legs(legs, tree, footprints, without=number)
+    hidden = hidden_legs(legs, trees[0], footprints, without=number) | meet(legs, trees[1])
     return wall.line.along(points[~hidden.reshape(2, -1).any(axis=0)])
 
 
@@ -138,6 +146,13 @@ def hidden_legs(
         rows = leg[wall == number]
         hidden[rows] |= footprints[number].blocks(Legs(legs.start[rows], legs.end[rows]))
     return hidden
+
+
+def meet(legs: Legs, curved: shapely.STRtree) -> np.ndarray:
+    """Whether (leg,) legs, seen from above, meet any of the curved faces of a tree."""
+    met = np.zeros(len(legs.start), dtype=bool)
+    met[curved.query(plan_lines(*legs), predicate="intersects")[0]] = True
+    return met
 
 
 def plan_lines(start: FloatArray, end: FloatArray) -> np.ndarray:
