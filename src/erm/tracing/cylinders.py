@@ -135,18 +135,18 @@ def double_bounces(cylinders: Cylinders, faces: Faces, tx: np.ndarray, rx: np.nd
     reversed, that of the receiver in a face after it.
     """
     found = []
-    for face in range(len(faces.label)):
+    for face in np.arange(len(faces.label))[:, None]:
         for start, end, order in ((tx, rx, [0, 1]), (rx, tx, [1, 0])):
-            image = faces.mirror(start, np.array(face))
+            image = faces.mirror(start, face)[0]
             bent = single_bounces(cylinders, image, end)
             point = bent.vertices[:, 0]
-            here, there = faces.distance(point, face), float(faces.distance(image, face))
+            here, there = faces.distance(point, face), faces.distance(image, face)
             crosses = (here * there < 0) & (np.abs(here) > FACE_THICKNESS)
             share = np.where(crosses, here, 0.0) / np.where(crosses, here - there, 1.0)
             met = point + share[:, None] * (image - point)
-            kept = crosses & faces.contains(met, np.array(face))
+            kept = crosses & faces.contains(met, face)
             vertices = np.stack([met, point], axis=1)[kept][:, order]
-            label = np.column_stack([np.full(len(point), faces.label[face]), bent.reflector[:, 0]])[kept][:, order]
+            label = np.column_stack([np.tile(faces.label[face], len(point)), bent.reflector[:, 0]])[kept][:, order]
             normal = np.stack([np.tile(faces.normal[face], (len(point), 1)), bent.normal[:, 0]], axis=1)[kept][:, order]
             found.append(CylinderPaths(vertices, label, normal, bent.spreading[kept]))
     return found
