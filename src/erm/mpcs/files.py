@@ -17,7 +17,7 @@ from erm.common.atomic import atomic_path
 from erm.common.constants import FARTHEST, SAME_PLACE, c
 from erm.common.errors import DataError
 from erm.common.significance import CERTAIN
-from erm.common.storage import number_in, open_group
+from erm.common.storage import number_in, open_group, open_groups
 from erm.common.text_files import read_table
 from erm.mpcs.standard_errors import UNKNOWN_GAIN_STD
 from erm.mpcs.table import OPTIONAL, VALUES, columns_of_product, empty_table, make_table
@@ -194,7 +194,7 @@ def read_product(
     DataError
         The file is missing, is not such a product, or has no positions of the antennas.
     """
-    root, mpc = open_group(path, expected=PRODUCT), open_group(path, "/mpc", PRODUCT)
+    root, mpc = open_groups(path, "/", "/mpc", expected=PRODUCT)
     if missing := [name for name in ("tx_position", "rx_position") if name not in root]:
         raise DataError(f"{path}: has no {missing[0]}; expected {PRODUCT}")
     if missing := [name for name in VALUES if name not in mpc]:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from erm.common.errors import DataError
-from erm.common.storage import SOFTWARE, number_in, open_group, require_axes, sha256
+from erm.common.storage import SOFTWARE, number_in, open_groups, require_axes, sha256
 from erm.mpcs.files import PRODUCT, line_of_sight, read_csv
 from erm.mpcs.table import VALUES
 from sounder.options import Clustering, Source, Threshold, require_choice
@@ -105,8 +105,7 @@ def notes_on_parameters(parameters: xr.Dataset) -> list[str]:
 
 def _of_product(path: Path, source: Source) -> tuple[dict[str, Any], xr.Dataset]:
     """Facts of a product, and its MPCs or its DAPS."""
-    root = open_group(path, expected=PRODUCT)
-    group = open_group(path, "/mpc" if source == "mpcs" else "/daps", PRODUCT)
+    root, group = open_groups(path, "/", "/mpc" if source == "mpcs" else "/daps", expected=PRODUCT)
     needed = {"tx_position", "rx_position", "position", "frequency"} - {*root.variables, *root.attrs}
     needed |= ({*VALUES} if source == "mpcs" else {"pdp", "pulse_energy"}) - {*group.variables, *group.attrs}
     if needed:

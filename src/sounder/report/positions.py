@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from erm.common.storage import open_group
+from erm.common.storage import open_groups
 from sounder.processing.summary_texts import line_of_sight
 from sounder.quality.table import read_remarks
 from sounder.remark import lines
@@ -30,9 +30,9 @@ def describe_position(product: Path, root: xr.Dataset, located: xr.Dataset) -> d
     dict
     """
     name = str(root["position"].item())
-    remarks, recorded = read_remarks(open_group(product, "/quality")), int(root.attrs["recorded_directions"])
+    quality, daps, mpc = open_groups(product, "/quality", "/daps", "/mpc")
+    remarks, recorded = read_remarks(quality), int(root.attrs["recorded_directions"])
     tx, rx = (root[f"{end}_position"].values[0] for end in ("tx", "rx"))
-    daps = open_group(product, "/daps")
     return {
         "name": name,
         "file": product.name,
@@ -46,7 +46,7 @@ def describe_position(product: Path, root: xr.Dataset, located: xr.Dataset) -> d
         "missing": int(root.attrs["missing_directions"]),
         "problems": int(root.attrs["problem_directions"]),
         "daps": reduce_daps(daps),
-        "pdp": reduce_pdp(daps, open_group(product, "/mpc")),
+        "pdp": reduce_pdp(daps, mpc),
     }
 
 

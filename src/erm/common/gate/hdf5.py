@@ -187,16 +187,24 @@ class Dataset:
 
 
 class Group(Mapping[str, Any]):
-    """A group. Members are reached through hard links only."""
+    """A group. Members are reached through hard links only, and checked once while the file is open."""
 
     def __init__(self, path: Path, node: "h5py.Group") -> None:
         self.path, self.node = path, node
         self.attrs = Attributes(path, node)
+        self._checked: dict[str, Any] = {}
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and self._linked(name) is not None
 
     def __getitem__(self, name: str) -> Any:
+        if name not in self._checked:
+            top, _, rest = name.strip("/").partition("/")
+            held = self[top] if rest else None
+            self._checked[name] = held[rest] if isinstance(held, Group) else self._member(name)
+        return self._checked[name]
+
+    def _member(self, name: str) -> Any:
         import h5py
 
         found = self._linked(name)
