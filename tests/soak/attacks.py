@@ -106,6 +106,7 @@ def damage(folder: Path, count: int, rng: np.random.Generator, chosen: Namespace
             ):
                 chosen.keep.mkdir(parents=True, exist_ok=True)
                 (chosen.keep / f"{begin + number}-{one.command[1]}-{Path(file).name}").write_bytes(data)
+        print(f"  {begin + len(made)} of {count}: {tally}", flush=True)
     shutil.rmtree(here)
     return tally
 

@@ -1,15 +1,19 @@
 """MPC tables survive the trip through CSV, and what is wrong in a file is said in one line."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given, settings
 
 from erm.common.errors import DataError
 from erm.common.storage import write_product
 from erm.mpcs.files import COLUMNS, read_csv, read_mpcs, read_product, write_mpcs
-from erm.mpcs.table import empty_table, make_table
+from erm.mpcs.table import make_table
+
+from ..strategies import tables
 
 HEADER = ",".join(COLUMNS)
 GOOD = "RX1,1,0,0,28.4,60,10,1.4,132e9,3e-7,45,5,-110"
@@ -38,10 +42,12 @@ def lines(path: Path, *rows: str, header: str = HEADER) -> Path:
     return path
 
 
-@pytest.mark.parametrize("table", [random_table(), empty_table()])
-def test_csv_keeps_every_bit(tmp_path: Path, table):
-    write_mpcs(table, tmp_path / "t.csv")
-    read, complaints = read_csv(tmp_path / "t.csv")
+@settings(max_examples=25, deadline=None)
+@given(table=tables())
+def test_csv_keeps_every_bit_of_any_table(table):
+    with TemporaryDirectory() as folder:
+        write_mpcs(table, Path(folder) / "t.csv")
+        read, complaints = read_csv(Path(folder) / "t.csv")
     assert complaints == []
     xr.testing.assert_identical(read, table)
 

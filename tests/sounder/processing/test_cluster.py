@@ -7,39 +7,25 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-import xarray as xr
 
 from sounder.options import Options
 from sounder.processing import cluster as dask_cluster
 from sounder.processing.jobs import gather
 from sounder.processing.pipeline import process
-from sounder.recordings.writer import write_back_to_back, write_recording
-from sounder.twin import receiver
 
 distributed = pytest.importorskip("distributed")
 
-WAVEFORM = {"order": 7, "polynomial": [7, 1, 0], "chip_rate": 6e8, "samples_per_chip": 2, "sample_rate": 1.2e9}
-HORN = {"pattern": "gaussian", "cut": None, "hpbw_azimuth": 60.0, "hpbw_elevation": 60.0}
+COUNT = 35
 OPTIONS = Options(averaging="phase-aligned")  # takes long enough to be interrupted
 
 
 @pytest.fixture(scope="module")
-def jobs(description, tmp_path_factory):
-    """Eight positions of 300 snapshots, and one that cannot be processed."""
-    folder = tmp_path_factory.mktemp("campaign")
-    scan = {"azimuth": [0.0, 60.0, 120.0, 180.0, 240.0, 300.0], "elevation": [0.0]}
-    sounder = description(waveform=WAVEFORM, scan=scan, rx_antenna=HORN)
-    write_back_to_back(receiver.back_to_back(sounder, 60.0), folder / "b2b.h5", history="test")
-    columns = {"delay": [50e-9], "azimuth": [70.0], "elevation": [0.0], "coefficient": [1e-6 + 0j]}
-    paths = xr.Dataset({name: ("path", values) for name, values in columns.items()})
-    files = [folder / f"P{i}.h5" for i in range(9)]
-    for i, file in enumerate(files):
-        places = {"tx_position": (0, 0, 1), "rx_position": (3 + i, 4, 1)}
-        made = receiver.record(paths, sounder, name=file.stem, snapshots=300, seed=i, **places)
-        write_recording(made, file, history="test")
+def jobs(campaign_maker):
+    """Positions, the fifth of which cannot be processed."""
+    *files, b2b = campaign_maker(COUNT + 1, snapshots=80)
     with h5py.File(files[4], "r+") as file:
         file["iq"][...] = np.int16(0)
-    found, failures = gather(files, calibration=folder / "b2b.h5")
+    found, failures = gather(files, calibration=b2b)
     assert failures == []
     return found
 
@@ -52,7 +38,7 @@ def alone(jobs, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cluster(alone):  # the kernels are compiled by now
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
+    with distributed.LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
         yield made
 
 
@@ -70,7 +56,7 @@ def test_a_scheduler_s_workers_make_the_same_bytes_of_paths_in_this_folder(jobs,
     monkeypatch.chdir(folder)  # the workers run in another one
     relative, _ = gather([job.source.path.name for job in jobs], calibration="b2b.h5")
     outcome = process(relative, "out", options=OPTIONS, scheduler=cluster.scheduler_address)
-    assert len(outcome.products) == 8
+    assert len(outcome.products) == COUNT
     assert outcome.failures[-1].startswith("P4.h5: ")
     outcome.failures, outcome.notes = (
         [f"{folder}/{line}" for line in lines] for lines in (outcome.failures, outcome.notes)
@@ -89,11 +75,11 @@ def test_a_worker_killed_midway_costs_no_more_than_a_second_try(jobs, alone, clu
     def kill_once() -> None:
         nonlocal done
         done += 1
-        if done == 1:
+        if done == COUNT // 2:
             os.kill(min(before), signal.SIGKILL)
 
     outcome = process(jobs, tmp_path / "out", options=OPTIONS, scheduler=cluster.scheduler_address, progress=kill_once)
-    assert done == 9
+    assert done == COUNT + 1
     assert workers() != before
     require_same(outcome, alone)
     assert list(Path(tmp_path / "out").glob(".*")) == []  # what the lost worker had begun
@@ -106,7 +92,7 @@ def test_a_scheduler_that_is_gone_costs_one_line_and_a_second_run_the_rest(jobs,
         outcome = process(jobs, tmp_path / "out", options=OPTIONS, scheduler=address, progress=cluster.close)
     (failure,) = outcome.failures
     assert failure.startswith("dask: the scheduler is gone; complete products are kept")
-    assert 1 <= len(outcome.products) < 8
+    assert 1 <= len(outcome.products) < COUNT
     again = process(jobs, tmp_path / "out", options=OPTIONS, resume=True)
     assert again.already >= len(outcome.products)
     require_same(again, alone)

@@ -1,12 +1,16 @@
 """A batch outlives whatever happens to one of its inputs."""
 
 import os
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
 import sounder
 from sounder import shipped
+
+from ..cli.commands import run
 
 
 @pytest.fixture
@@ -38,3 +42,23 @@ def test_an_input_that_is_spoilt_after_it_was_opened_costs_its_position_one_line
     (failure,) = outcome.failures
     assert line in failure
     assert "\n" not in failure
+
+
+def test_positions_that_vanish_while_others_are_processed_cost_a_line_each(campaign_maker, tmp_path, capsys):
+    *files, b2b = campaign_maker(35, snapshots=2)
+    out = tmp_path / "out"
+
+    def remove() -> None:
+        while not list(out.glob("*.h5")):
+            time.sleep(0.001)
+        for file in files[-6:-1]:
+            file.unlink()
+
+    remover = threading.Thread(target=remove)
+    remover.start()
+    arguments = ["process", *files, "--calibration", b2b, "--out", out, "--threads", "1"]
+    assert run(*arguments) == 1
+    remover.join()
+    assert len(list(out.iterdir())) == 30
+    lines = [line for line in capsys.readouterr().err.splitlines() if "No such file" in line]
+    assert [line.partition(":")[0] for line in lines] == [str(file) for file in files[-6:-1]]

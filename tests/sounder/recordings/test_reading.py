@@ -2,14 +2,21 @@
 
 import hashlib
 import json
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import h5py
 import numpy as np
 import pytest
+from hypothesis import given, settings
 
+from erm.common.errors import DataError
 from sounder.recordings.open import open_recordings
+from sounder.recordings.recording import check
 from sounder.recordings.writer import write_recording
 
+from ..strategies import recordings
 from .files import WAVEFORM
 
 
@@ -28,6 +35,21 @@ def test_a_recording_comes_back_bit_for_bit(path, recording):
         assert getattr(back, name) == getattr(recording, name), name
     assert back.source == path
     assert back.missing == []
+
+
+@settings(max_examples=12, deadline=None)
+@given(recording=recordings())
+def test_any_recording_comes_back_bit_for_bit_or_is_refused(recording):
+    """Directions that were not recorded have no captures."""
+    with TemporaryDirectory() as folder, suppress(DataError):
+        check(recording, 1022)
+        write_recording(recording, Path(folder) / "r.h5", history="test")
+        (back,) = open_recordings(Path(folder) / "r.h5")
+        for a, e in np.argwhere(recording.valid):
+            assert np.array_equal(back.captures(a, e), recording.captures(a, e))
+        for name in ("azimuth", "elevation", "tx_position", "rx_position", "agc_gain", "valid"):
+            np.testing.assert_array_equal(getattr(back, name), getattr(recording, name), err_msg=name)  # or both NaN
+        assert (back.scale_factor, back.snapshots) == (recording.scale_factor, recording.snapshots)
 
 
 def test_the_same_recording_gives_the_same_bytes(path, recording):
