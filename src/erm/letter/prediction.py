@@ -8,6 +8,7 @@ import numpy as np
 
 from erm.evaluation.outline import point_errors
 from erm.geometry.vertical import FloatArray, angle_difference
+from erm.letter import truth
 from erm.letter.captures import Campaign
 from erm.letter.replicates import columns
 from erm.maps.environment import Environment
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 COUNTS = (3, 4, 5, 7, 9, 13, 25)
 SHIFT = (5.0, 0.0, 0.0)  # m, from the measured route to the new one. Chosen; not derived
 MAX_ORDER = 2
-DELAY_GATE, AZIMUTH_GATE = 1e-9, 3.0  # s, degree; a predicted path nearer than this is the true one
+DELAY_GATE = 2 * truth.DELAY_GATE  # s; a predicted path within this and `truth.AZIMUTH_GATE` is the true one
 CUT_STEP, ON_FACE = (
     0.1,
     0.3,
@@ -192,7 +193,7 @@ def reflected(environment: Environment, route: Campaign) -> list[FloatArray]:
 def _score(true: FloatArray, predicted: FloatArray) -> tuple[float, float, float, float]:
     """Power of the true paths, of the predicted true ones, of the false predicted ones, and of all predicted ones."""
     late = (true[:, None, 0] - predicted[:, 0]) / DELAY_GATE
-    turned = angle_difference(true[:, None, 1], predicted[:, 1]) / AZIMUTH_GATE
+    turned = angle_difference(true[:, None, 1], predicted[:, 1]) / truth.AZIMUTH_GATE
     near = late**2 + turned**2 < 1
     hit = true[near.any(axis=1), 2].sum()
     false = predicted[~near.any(axis=0), 2].sum()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 import numpy.typing as npt
 
-from erm.common.constants import c
+from erm.common.constants import SAME_DELAY, c
 from erm.common.errors import OptionError
 from erm.geometry import vertical
 from erm.geometry.vertical import FloatArray, angle_difference
@@ -37,9 +37,6 @@ TYPICAL_LOSS = 8.0
 """Loss of a reflection of unknown gain [dB]: concrete at normal incidence."""
 MAX_GAIN_EXCESS = 3.0
 """Gain above that of free space up to which a path is possible [dB]: two paths in one resolution cell add up."""
-MIN_DELAY_EXCESS = 1e-9
-"""Delay after that of the direct path below which a path counts as direct [s]: its face is tangent to the direct path
-and cannot be located. Chosen; not derived."""
 DIRECT_AZIMUTH = 5.0
 """Azimuth from the transmitter up to which a path counts as direct [degree]: half a beam of 10 degrees."""
 ELEVATION_TOLERANCE = 3.0
@@ -332,7 +329,7 @@ def _widened(table: "xr.Dataset", rx_std: float, heading_std: float, clock_std: 
 
 def _delay_tolerance(table: "xr.Dataset") -> FloatArray:
     """Difference (mpc,) up to which a delay is equal to a predicted one [s]."""
-    return np.maximum(MIN_DELAY_EXCESS, SIGMAS * table["delay_std"].values)
+    return np.maximum(SAME_DELAY, SIGMAS * table["delay_std"].values)
 
 
 def _at_azimuth_of_transmitter(table: "xr.Dataset") -> BoolArray:

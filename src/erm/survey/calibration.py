@@ -14,6 +14,7 @@ from erm.common.constants import c
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs.standard_errors import SIGMAS
 from erm.survey.direct_paths import (
+    LEAST_EVIDENCE,
     SPREADS,
     USUAL_CLOCK,
     USUAL_HEADING,
@@ -37,8 +38,6 @@ USUAL = {"heading": USUAL_HEADING, "clock": USUAL_CLOCK / c, "gain": USUAL_GAIN}
 """Half of the common errors are below these; scales of Cauchy priors."""
 CERTAIN_DIRECT = 8.0
 """Number of direct paths that are believed without looking at images."""
-LEAST_EVIDENCE = 5.0
-"""Least log-likelihood ratio of each direct path to another path: images agree by chance, but not so well."""
 FEWEST_DIRECT = 3
 """Fewest direct paths that make a heading certain, together with images."""
 MOST_VOTES = 3

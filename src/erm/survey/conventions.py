@@ -19,6 +19,7 @@ from erm.mpcs.selection import ELEVATION_STD
 from erm.mpcs.standard_errors import ASSUMED, SMALLEST_ERRORS
 from erm.mpcs.table import free_space_gain
 from erm.survey.direct_paths import (
+    LEAST_EVIDENCE,
     USUAL_CLOCK,
     USUAL_HEADING,
     DirectPaths,
@@ -38,8 +39,6 @@ TIED = 3.0
 """Log-likelihood within which conventions are named together: 20 to 1."""
 FEWEST = 2.5
 """Fewest direct paths behind a convention: three that are likely. Two agree by chance on clock and heading."""
-LEAST_EVIDENCE = 5.0
-"""Least log-likelihood ratio of each direct path to another path: mirror images agree by chance, but not so well."""
 MOST_CHANGES = 4
 """Most conventions that are wrong at a time."""
 MAX_LINKS = 25

@@ -38,6 +38,8 @@ SPREADS = ((0.0, 0.0), (0.1, 1.0), (0.3, 3.0), (1.0, 5.0))
 USUAL_CLOCK, USUAL_HEADING = 1.0, 5.0
 """Half of the common errors of surveys are below these: 3 ns [m], [degree]. Scales of Cauchy priors; chosen. Errors of
 a hundred times as much are found if five paths agree."""
+LEAST_EVIDENCE = 5.0
+"""Least log-likelihood ratio of each direct path to another path: images agree by chance, but not so well."""
 FALSE_MPCS = 0.02
 """Share of MPCs that may be shorter than the direct path: false ones; chosen."""
 START_SHARE = 0.6

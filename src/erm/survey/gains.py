@@ -13,6 +13,7 @@ import numpy.typing as npt
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.standard_errors import UNKNOWN_GAIN_STD, robust_std
 from erm.mpcs.table import free_space_gain
+from erm.survey.direct_paths import FALSE_MPCS
 from erm.survey.observations import Observations
 
 USUAL_GAIN = 3.0
@@ -23,8 +24,6 @@ CLEAR_SHARE = 0.7
 """Share of direct paths that are not obstructed; chosen."""
 OBSTRUCTION = 25.0
 """Largest loss of an obstructed direct path [dB]."""
-OUTLIERS = 0.02
-"""Share of paths that are no direct ones after all; chosen. Their gains are uniform over 100 dB."""
 LEAST_STD = 0.1
 """Smallest standard error of an offset [dB]: antenna patterns are not known better."""
 STRONGEST_LOSS, STRONGEST_LOSS_STD = 4.0, 4.0
@@ -109,4 +108,4 @@ def _density(away: FloatArray) -> FloatArray:
     """Density of differences from the offset [1/dB]: clear, obstructed, or something else."""
     obstructed = ((away < 0) & (away > -OBSTRUCTION)) / OBSTRUCTION
     usual = CLEAR_SHARE * _clear(away) + (1 - CLEAR_SHARE) * obstructed
-    return np.asarray((1 - OUTLIERS) * usual + OUTLIERS / 100)
+    return np.asarray((1 - FALSE_MPCS) * usual + FALSE_MPCS / 100)

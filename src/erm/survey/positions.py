@@ -13,8 +13,8 @@ from erm.mpcs.antenna_pairs import distinct_rows
 from erm.mpcs.survey_widths import survey_widths
 from erm.mpcs.table import path_length
 from erm.survey.bundle import Bundle, SurveyStd, adjust, by_error
-from erm.survey.calibration import FEWEST_DIRECT, LEAST_EVIDENCE
-from erm.survey.direct_paths import SPREADS, direct_paths_at
+from erm.survey.calibration import FEWEST_DIRECT
+from erm.survey.direct_paths import LEAST_EVIDENCE, SPREADS, direct_paths_at
 from erm.survey.observations import Observations
 from erm.survey.residuals import CLOCK, HEADING, IntArray, MeasuredPaths
 from erm.survey.restart import NO_FACES, Restarted

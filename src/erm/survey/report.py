@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from erm.common.console import counted
-from erm.common.constants import c
+from erm.common.constants import SAME_DELAY, c
 from erm.mpcs.reasons import Reason
 from erm.mpcs.standard_errors import SIGMAS
 from erm.survey.calibration import NAMES, Calibration
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from erm.maps.environment import Environment
 
-TIMING_TOLERANCE = 1e-9
-"""A path may be this much shorter than the direct one: errors of timing and surveying, 0.3 m [s]; chosen."""
 LOUD_SHARE = 0.1
 """Share of MPCs above free space that is told: two paths in one cell are rarely more; chosen."""
 SHOWN = {"heading": (1.0, "degrees"), "clock": (1e9, "ns"), "gain": (1.0, "dB")}
@@ -80,7 +78,7 @@ def remarks(located: "xr.Dataset", calibration: Calibration) -> list[str]:
     distance = np.linalg.norm(located["tx_position"].values - located["rx_position"].values, axis=-1)
     std = np.hypot(located["delay_std"].values, calibration.spreads["clock"])
     std = np.hypot(std, calibration.remaining["clock"])
-    short = located["delay"].values < distance / c - np.maximum(TIMING_TOLERANCE, SIGMAS * std)
+    short = located["delay"].values < distance / c - np.maximum(SAME_DELAY, SIGMAS * std)
     if short.any():
         at = int(np.argmax(short))
         early = distance[at] / c - located["delay"].values[at]

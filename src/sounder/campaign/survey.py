@@ -14,14 +14,13 @@ from erm.mpcs.reasons import Reason
 from erm.survey.calibration import NAMES, UNITS, calibrate
 from erm.survey.conventions import contradictions, offsets
 from sounder.parameters.path_loss import free_space_path_loss
+from sounder.quality.line_of_sight import SIGMAS
 from sounder.remark import MAX_NAMED_DIRECTIONS
 
 LEAST_ERRORS = {"heading": 0.5, "clock": 0.1e-9, "gain": 2.0}
 """Common errors that are told [degree], [s], [dB]: beyond those that a careful survey and calibration leave. Chosen."""
 MAX_UNDER_FREE_SPACE = 20.0
 """Loss of a direct path over free space that is told [dB]: with a line of sight no antenna is so far off. Chosen."""
-SIGMAS = 4.0
-"""Standard errors beyond which they are told: one in 16000 by chance."""
 
 
 def remarks_on_survey(products: Sequence[Path]) -> list[str]:

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
+from erm.common.gate.limits import MAX_TEXT
 from erm.common.text_files import read_text
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-MAX_SIZE = 2**24
-"""Largest touchstone file [byte]; chosen: 200 000 frequencies."""
 
 
 def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tuple[Real, Complex]:
@@ -47,7 +45,7 @@ def read_s21(path: Path | str, *, band: tuple[float, float] | None = None) -> tu
     from skrf.io.touchstone import Touchstone
 
     path = Path(path)
-    read_text(path, "a touchstone file (.s2p)", limit=MAX_SIZE)
+    read_text(path, "a touchstone file (.s2p)", limit=MAX_TEXT)
     if path.suffix.lower() != ".s2p":
         raise DataError(f"{path}: not a two-port touchstone file; expected the suffix .s2p")
     try:

@@ -6,15 +6,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from erm.common.constants import c
+from erm.common.constants import SAME_DELAY, c
 from sounder.mpc.cramer_rao import UNITS
 from sounder.mpc.directions import DB_PER_NEPER
 from sounder.mpc.scan import Scan
 from sounder.mpc.stated import stated_variance
 
-DIRECT_TOLERANCE = 1e-9
-"""How much earlier than the direct path an MPC may come before its delay counts as wrapped [s]: about a resolution
-cell."""
 WRAPPED_FLAGS = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "within_one_period may_be_a_period_longer"}
 """Attributes of the CF conventions for ``may_be_wrapped``."""
 
@@ -62,7 +59,7 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
     rate, antenna = scan.filter_.sample_rate, scan.antenna
     noise, amplitude = scan.noise[found["beam"]], found["amplitude"]
     period = scan.period / rate
-    earliest = distance / c - DIRECT_TOLERANCE
+    earliest = distance / c - SAME_DELAY
     delay = earliest + (found["delay"] / rate - earliest) % period
     gain = 20 * np.log10(amplitude) - antenna.gain
     covariance = _covariance(found, noise, scan, inflation)

@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from erm.common.constants import c
+from erm.common.constants import SAME_DELAY, c
 from sounder.options import Clustering
 from sounder.parameters.angles import Spread, angular_spread
 from sounder.parameters.catalogue import PARAMETERS
@@ -23,8 +23,6 @@ from sounder.parameters.uncertainty import Paths, standard_deviations
 
 COHERENCE_LEVEL = 0.5
 """Correlation that defines the coherence bandwidth [1]."""
-DIRECT_TOLERANCE = 1e-9
-"""How far from d/c the direct path may be, besides three of its standard deviations [s]: a resolution cell."""
 SLOPE_STEP = 1e-4
 """Step of the frequency at which the slope of the correlation is taken, relative to the coherence bandwidth [1]."""
 
@@ -117,7 +115,7 @@ def _direct(mpcs: xr.Dataset, distance: float) -> NDArray[np.bool_]:
     """The strongest MPC (mpc,) at the delay of the direct path, if there is one."""
     delay = mpcs["delay"].values
     std = np.nan_to_num(mpcs["delay_std"].values) if "delay_std" in mpcs else 0.0
-    near = np.abs(delay - distance / c) <= DIRECT_TOLERANCE + 3 * std
+    near = np.abs(delay - distance / c) <= SAME_DELAY + 3 * std
     gain = np.where(near, mpcs["path_gain"].values, -np.inf)
     return np.asarray(near & (gain == gain.max(initial=-np.inf)))
 

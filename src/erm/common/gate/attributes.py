@@ -8,10 +8,8 @@ from typing import Any
 from erm.common.errors import DataError
 from erm.common.gate import limits
 from erm.common.gate.damage import refused
+from erm.common.gate.limits import MAX_TEXT
 from erm.common.printable import printable
-
-MAX_ATTRIBUTE = 2**24
-"""Largest attribute that is read [byte]; chosen: a description of a sounder with a fine antenna grid."""
 
 
 class Attributes(Mapping[str, Any]):
@@ -26,7 +24,7 @@ class Attributes(Mapping[str, Any]):
         with refused(self._path, f"attribute {name}: "):
             attribute = self._node.attrs.get_id(name)
             length = prod(attribute.shape) * attribute.get_type().get_size()
-            if length > MAX_ATTRIBUTE:
+            if length > MAX_TEXT:
                 raise DataError(f"{self._path}: attribute {name} has {limits.size(length)}; expected less")
             return _decoded(self._node.attrs[name])
 

@@ -6,6 +6,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 GIB = 2**30
+MAX_TEXT = 2**24
+"""Largest attribute, description or set of metadata that is read [byte]; chosen: 200 000 frequencies of touchstone, a
+fine antenna grid."""
+EXPANSION = 3
+"""Memory of a parser relative to what it reads: the packed file, the unpacked bytes and the arrays."""
 
 
 @dataclass(frozen=True)

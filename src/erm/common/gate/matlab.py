@@ -13,13 +13,11 @@ from typing import IO, Any
 from erm.common.errors import DataError
 from erm.common.gate import confined
 from erm.common.gate.files import require_file
-from erm.common.gate.limits import current, too_large
+from erm.common.gate.limits import EXPANSION, current, too_large
 from erm.common.printable import printable
 
 SECONDS = 60
 """Processor time for one file [s]; chosen: a file as large as the limit of memory takes 10 s."""
-EXPANSION = 3
-"""Memory of the parser, relative to the arrays: the packed file, the unpacked bytes and the array."""
 MAX_LINE = 2**16
 MAX_DEPTH = 8
 """Structures in structures that are read; chosen."""

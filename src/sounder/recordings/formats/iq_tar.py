@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from erm.common.errors import DataError
+from erm.common.gate.limits import MAX_TEXT
 from erm.common.gate.plain import PlainNumbers
 from erm.common.printable import printable
 from sounder.recordings.formats.content import Content
@@ -23,8 +24,6 @@ LOAD = 50.0
 """Resistance that voltages stand for [ohm], by the source."""
 MAX_MEMBERS = 64
 """Most members of an archive; chosen: it has three."""
-MAX_XML = 2**24
-"""Largest description [byte]; chosen: a preview of 256 points takes 35 kB a channel."""
 ROOT = "RS_IQ_TAR_FileFormat"
 WRITER_OF_BLOCKS = "Python iq.tar Writer"
 """What the Python package RsWaveform calls itself. It writes channels one after another, against the source."""
@@ -58,8 +57,8 @@ def content(path: Path) -> Content:
             names = [name for name in files if name.lower().endswith(".xml")]
             if len(names) != 1:
                 raise DataError(f"{path}: {len(names)} descriptions (.xml) in the archive; expected one")
-            if files[names[0]].size > MAX_XML:
-                raise DataError(f"{path}: {printable(names[0])} is too large; expected at most {MAX_XML} bytes")
+            if files[names[0]].size > MAX_TEXT:
+                raise DataError(f"{path}: {printable(names[0])} is too large; expected at most {MAX_TEXT} bytes")
             extracted = archive.extractfile(files[names[0]])
             text = b"" if extracted is None else extracted.read()
     except DataError:

@@ -12,14 +12,13 @@ import numpy as np
 
 from erm.common.errors import DataError
 from erm.common.gate.files import read_bytes, require_file
+from erm.common.gate.limits import MAX_TEXT
 from erm.common.gate.nesting import parse_json
 from erm.common.gate.plain import PlainNumbers
 from erm.common.printable import printable
 from sounder.recordings.formats.content import Content
 
 META, DATA = ".sigmf-meta", ".sigmf-data"
-MAX_META = 2**24
-"""Largest metadata [byte]; chosen: 100 000 annotations."""
 DATATYPE = re.compile(r"([cr])([fiu])(8|16|32|64)(_le|_be)?")
 
 
@@ -38,7 +37,7 @@ def metadata(path: Path) -> dict[str, Any]:
     """
     require_file(path, "the metadata of SigMF")
     try:
-        described: dict[str, Any] = dict(parse_json(read_bytes(path, "metadata of SigMF", limit=MAX_META).decode()))
+        described: dict[str, Any] = dict(parse_json(read_bytes(path, "metadata of SigMF", limit=MAX_TEXT).decode()))
         captures = described.get("captures") or [{}]
         return {**described, "global": dict(described["global"]), "captures": [dict(capture) for capture in captures]}
     except DataError:

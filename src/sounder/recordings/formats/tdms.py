@@ -6,12 +6,9 @@ from typing import Any
 import numpy as np
 
 from erm.common.errors import DataError
-from erm.common.gate.limits import current, too_large
+from erm.common.gate.limits import EXPANSION, current, too_large
 from erm.common.optional import require_library
 from sounder.recordings.formats.content import Content
-
-EXPANSION = 3
-"""Memory of npTDMS, relative to the file: the bytes, the channels, and pieces that are joined."""
 
 
 def is_format(path: Path) -> bool:
