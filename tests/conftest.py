@@ -30,7 +30,7 @@ LONG_TESTS = (
     "tests/erm/reconstruction/test_invariance.py::test_a_campaign_that_was_copied",
     "tests/erm/reconstruction/test_raytraced.py::test_all_specular_paths_with_noise_give_walls_to_centimetres[lroom]",
     "tests/erm/reconstruction/test_rx_std.py",
-    "tests/soak/test_soak.py",
+    "tests/soak/test_soak.py::test_damaged_files_and_flipped_bits",
     "tests/sounder/campaign/test_demo.py",
     "tests/sounder/campaign/test_letter_study.py",
     "tests/sounder/campaign/test_study.py",

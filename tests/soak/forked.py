@@ -23,8 +23,8 @@ from sounder import cli as sounder_cli
 
 MOST_SECONDS, MOST_BYTES = 10, 2 * 2**30
 """Processor time [s] and memory [byte] that a command line may take for a small file, whatever is in it."""
-PATIENCE = 6 * MOST_SECONDS
-"""Time after which a command that does not compute hangs [s]; other processes of the machine take their share."""
+PATIENCE = 60 * MOST_SECONDS
+"""Time after which a command that does not compute hangs [s]; other processes of the machine may take most of it."""
 CRASHED = 97
 """Exit code of a child that ended otherwise than a command does."""
 FORK = multiprocessing.get_context("fork")

@@ -1,11 +1,37 @@
 """A few of the attacks; `make soak` makes thousands."""
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from sounder import shipped
+
+from ..sounder.cli.commands import run
+from .forked import Ended
+from .mutations import mutated
+
+NAMES = "recording-132ghz.h5", "back-to-back-132ghz.h5", "sounder-132ghz.toml"
+
+
+def test_damaged_files_are_right_or_cost_a_line(tmp_path, capsys):
+    rng, faults, codes = np.random.default_rng(3), [], set()
+    shutil.copytree(shipped.calibration("recording-132ghz.h5").parent, tmp_path / "whole")
+    files = [tmp_path / "whole" / name for name in NAMES]
+    for number in range(30):
+        file = files[number % len(files)]
+        here = file.with_stem("damaged")
+        here.write_bytes(mutated(file, files, rng))
+        command = ("check", here) if file.suffix == ".h5" else ("info", files[0], "--sounder", here)
+        code = run(*command)
+        codes.add(code)
+        faults += [(number, *command, fault) for fault in Ended(code, capsys.readouterr().err).faults]
+    assert not faults
+    assert codes == {0, 1}
 
 
 @pytest.mark.slow

@@ -204,6 +204,7 @@ def read_product(
     names = np.atleast_1d(root["position"].values) if "position" in root else np.array([Path(path).stem])
     if len(names) != 1:
         raise DataError(f"{path}: holds {len(names)} positions; expected one per file, as `sounder process` writes")
+    number_in(mpc, "period", path, 0.0)  # a number, if it is there
     columns: dict[str, Any] = dict(columns_of_product(mpc))
     for name, column in columns.items():
         if column.dtype.kind not in "biuf" or column.shape != columns["delay"].shape or column.ndim != 1:

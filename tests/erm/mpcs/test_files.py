@@ -3,6 +3,7 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -86,6 +87,17 @@ def test_products_of_the_sounder_are_tables_too(tmp_path: Path, n):
     assert set(read["position"].values.tolist()) == ({"RX7"} if n else set())
     assert set(read["los"].values.tolist()) == ({0} if n else set())
     assert read["rx_position"].shape == (n, 3)
+
+
+@pytest.mark.parametrize("period", ["x", np.inf, [1e-6, 2e-6]])
+def test_a_period_that_is_no_number_is_named(tmp_path: Path, period):
+    with h5py.File(product(tmp_path / "RX7.h5"), "r+") as file:
+        file["mpc"]["may_be_wrapped"] = np.ones(2, np.int8)
+        file["mpc/may_be_wrapped"].dims[0].attach_scale(file["mpc/mpc"])
+        file["mpc"].attrs["period"] = period
+        del file.attrs["members"]
+    with pytest.raises(DataError, match=r"RX7\.h5: attribute period is .*; expected a finite number"):
+        read_product(tmp_path / "RX7.h5")
 
 
 def test_files_of_both_kinds_make_one_table_and_bad_ones_are_named(tmp_path: Path):
