@@ -1,6 +1,6 @@
 """Run of a campaign: from its recordings to products, MPC table, map, figures and report."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -44,12 +44,14 @@ from sounder.campaign.result import (
 )
 from sounder.campaign.survey import remarks_on_power, remarks_on_survey
 from sounder.figures.files import PARAMETER_FIGURES, draw_parameters, figure_paths, is_up_to_date
-from sounder.figures.processes import each_drawn
+from sounder.figures.processes import drawing
 from sounder.parameters.statistics import Statistic, campaign_statistics
 from sounder.processing.channel_parameters import channel_parameters
+from sounder.processing.jobs import Job
 from sounder.processing.parameter_tables import write_parameters, write_statistics
 from sounder.processing.pipeline import process
 from sounder.processing.point_data import write_point_data
+from sounder.processing.position import Outcome
 from sounder.report.page import write_page
 
 
@@ -131,6 +133,28 @@ def _run(
     if not outcome.products:
         raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
     processed(outcome.products)
+    roots = {product: open_group(product) for product in outcome.products}
+    figures, missing = _figures_to_draw(campaign, out, roots)
+    with drawing(missing, out / FIGURES, suffix=campaign.figures.format) as drawn:
+        result = _map_and_tables(campaign, out, outline, jobs, outcome, roots)
+        result.figures = figures
+        result.failures = [*failures, *result.failures, *_unknown_positions(result)]
+        _write_page(result)  # before the figures of positions, which take the most time
+        if failed := _draw(result, drawn, len(missing)):
+            result.failures += failed
+            _write_page(result)
+    return result
+
+
+def _map_and_tables(
+    campaign: Campaign,
+    out: Path,
+    outline: NDArray[Any] | None,
+    jobs: Sequence[Job],
+    outcome: Outcome,
+    roots: dict[Path, xr.Dataset],
+) -> CampaignResult:
+    """All that is made from the products but for their own figures and the page."""
     table, problems = read_mpcs(outcome.products)
     write_mpcs(table, out / TABLE)
     parameters, statistics = _write_parameters(outcome.products, out)
@@ -144,7 +168,6 @@ def _run(
             crs=campaign.map.crs if f".{suffix}" in PLACED else None,
         )
     write_reflection_points(located, out / POINTS)
-    roots = {product: open_group(product) for product in outcome.products}
     names = [str(root["position"].item()) for root in roots.values()]
     result = CampaignResult(
         campaign,
@@ -164,15 +187,10 @@ def _run(
     )
     if outline is not None:
         result.score = evaluate_map(environment, outline, (environment, located))
-    missing = _figures_to_draw(result)
-    result.failures = [*failures, *problems, *remarks_on_survey(outcome.products), *_unknown_positions(result)]
+    result.failures = [*problems, *remarks_on_survey(outcome.products)]
     _draw_map(result)
     if campaign.figures.positions != "none":
         draw_parameters(parameters, statistics, out / FIGURES, suffix=campaign.figures.format)
-    _write_page(result)  # before the figures of positions, which take the most time
-    if failed := _draw(result, missing):
-        result.failures += failed
-        _write_page(result)
     return result
 
 
@@ -236,23 +254,25 @@ def _write_page(result: CampaignResult) -> None:
     write_page(page_contents(result), result.out / REPORT)
 
 
-def _figures_to_draw(result: CampaignResult) -> list[Path]:
-    """List the figures of the positions that the campaign asks for; return the products whose are missing.
+def _figures_to_draw(
+    campaign: Campaign, out: Path, roots: Mapping[Path, xr.Dataset]
+) -> tuple[dict[Path, list[Path]], list[Path]]:
+    """Figures of the positions that the campaign asks for, by their product, and the products whose are missing.
 
     Outdated figures are removed, so that the page never shows figures of another run.
     """
-    figures = result.campaign.figures
+    wanted: dict[Path, list[Path]] = {}
     missing = []
-    for product, root in result.products.items():
-        if not figures.wanted(str(root["position"].item())):
+    for product, root in roots.items():
+        if not campaign.figures.wanted(str(root["position"].item())):
             continue
-        paths = result.figures[product] = figure_paths(product, result.out / FIGURES, suffix=figures.format)
+        paths = wanted[product] = figure_paths(product, out / FIGURES, suffix=campaign.figures.format)
         if not is_up_to_date(paths, product):
             missing.append(product)
             for path in paths:
                 with suppress(OSError):
                     path.unlink()
-    return missing
+    return wanted, missing
 
 
 def _unknown_positions(result: CampaignResult) -> list[str]:
@@ -263,12 +283,12 @@ def _unknown_positions(result: CampaignResult) -> list[str]:
     return [f"{source}: figures.positions: {name} is not a processed position" for name in unknown]
 
 
-def _draw(result: CampaignResult, products: Sequence[Path]) -> list[str]:
-    """Draw the figures of products; return failures."""
+def _draw(result: CampaignResult, drawn: Iterator[tuple[list[Path], str]], count: int) -> list[str]:
+    """Wait for the figures of products; return failures."""
     failures = []
     try:
-        with console.progress("drawing", len(products)) as advance:
-            for _, failure in each_drawn(products, result.out / FIGURES, suffix=result.campaign.figures.format):
+        with console.progress("drawing", count) as advance:
+            for _, failure in drawn:
                 failures += [failure] if failure else []
                 advance()
     except DataError as error:

@@ -6,11 +6,12 @@ the script of the caller again. It ends with its input, so also if the process t
 """
 
 import json
+import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from queue import SimpleQueue
@@ -67,27 +68,30 @@ def draw_products(
     """
     written: list[Path] = []
     failures: list[str] = []
-    for drawn, failure in each_drawn(products, out, suffix=suffix, elevations=elevations):
-        written += drawn
-        failures += [failure] if failure else []
-        if progress is not None:
-            progress()
+    with drawing(products, out, suffix=suffix, elevations=elevations) as each:
+        for drawn, failure in each:
+            written += drawn
+            failures += [failure] if failure else []
+            if progress is not None:
+                progress()
     if overlay and not failures:
         written += draw_overlay(products[0], products[1], out, suffix=suffix)
     return written, failures
 
 
-def each_drawn(
+@contextmanager
+def drawing(
     products: Sequence[Path], out: Path, *, suffix: str = "png", elevations: bool = False
-) -> Iterator[tuple[list[Path], str]]:
-    """Draw the figures of products; yield the files of each and what failed, in the order of the products.
+) -> Iterator[Iterator[tuple[list[Path], str]]]:
+    """Draw the figures of products in the background, if other processes draw them.
 
-    Parameters and errors are those of :func:`draw_products`.
+    Yielded is an iterator over the files of each product and what failed, in the order of the products. Parameters and
+    errors are those of :func:`draw_products`.
     """
     orders: list[Order] = [(str(product), str(out), suffix, elevations) for product in products]
     count = min(processors(), len(products) // PRODUCTS_PER_PROCESS)
     if count < 2:
-        yield from map(_draw, orders)
+        yield map(_draw, orders)
         return
     with ExitStack() as stack:
         idle: SimpleQueue[Popen[bytes]] = SimpleQueue()
@@ -95,7 +99,7 @@ def each_drawn(
             idle.put(stack.enter_context(confined.start(__name__, json.dumps(asdict(limits.current())))))
         threads = ThreadPoolExecutor(count)
         try:
-            yield from threads.map(lambda order: _ask(idle, order), orders)
+            yield threads.map(lambda order: _ask(idle, order), orders)
         finally:  # Ctrl-C too: what is being drawn is completed, the rest is not begun
             threads.shutdown(cancel_futures=True)
 
@@ -132,7 +136,9 @@ def _draw(order: Order) -> tuple[list[Path], str]:
 
 
 def main() -> None:
-    """Draw what each line of the input asks for."""
+    """Draw what each line of the input asks for, after whatever else the processors have to do."""
+    if hasattr(os, "nice"):
+        os.nice(10)
     limits.allow(limits.Limits(**json.loads(sys.argv[1])))
     for line in sys.stdin:
         try:

@@ -151,12 +151,12 @@ def _row(one: xr.Dataset, about: dict[str, Any], path: Path, distance: float, cl
         "software": SOFTWARE,
     }
     row = one.drop_attrs(deep=False).expand_dims(position=[about["position"]])
-    row["los"] = ("position", [about["los"]], {"long_name": "line of sight: 1 yes, 0 no, -1 unknown"})
+    facts: dict[str, Any] = {
+        "los": ("position", [about["los"]], {"long_name": "line of sight: 1 yes, 0 no, -1 unknown"})
+    }
     for end in ("tx", "rx"):
         place = about[f"{end}_position"][None]
-        row[f"{end}_position"] = (("position", "xyz"), place, {"units": "m", "long_name": f"{end.upper()} position"})
-    row["distance"] = ("position", [distance], {"units": "m", "long_name": "distance from TX to RX"})
-    row["frequency"] = ("position", [about["frequency"]], {"units": "Hz", "long_name": "carrier frequency"})
-    for name, text in texts.items():
-        row[name] = ("position", [text], {"long_name": name})
-    return row
+        facts[f"{end}_position"] = (("position", "xyz"), place, {"units": "m", "long_name": f"{end.upper()} position"})
+    facts["distance"] = ("position", [distance], {"units": "m", "long_name": "distance from TX to RX"})
+    facts["frequency"] = ("position", [about["frequency"]], {"units": "Hz", "long_name": "carrier frequency"})
+    return row.assign(facts | {name: ("position", [text], {"long_name": name}) for name, text in texts.items()})

@@ -39,10 +39,12 @@ def test_a_panel_for_each_elevation_on_request(products, tmp_path):
 @pytest.mark.slow
 def test_several_processes_draw_the_same_as_this_one(campaign, products, tmp_path, monkeypatch):
     wanted = [campaign / "raw" / "RX1.h5", products / "RX1.h5"]
-    alone = list(processes.each_drawn(wanted, tmp_path / "alone"))
+    with processes.drawing(wanted, tmp_path / "alone") as drawn:
+        alone = list(drawn)
     monkeypatch.setattr(processes, "PRODUCTS_PER_PROCESS", 1)
     monkeypatch.setattr(processes, "processors", lambda: 2)
-    shared = list(processes.each_drawn(wanted, tmp_path / "shared"))
+    with processes.drawing(wanted, tmp_path / "shared") as drawn:
+        shared = list(drawn)
     assert [len(drawn) for drawn, _ in shared] == [0, 3]
     assert [failure for _, failure in shared] == [failure for _, failure in alone]
     assert "raw" in alone[0][1]
@@ -54,5 +56,9 @@ def test_a_process_that_was_killed_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(processes, "processors", lambda: 2)
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     monkeypatch.setattr(processes.confined, "start", lambda *_: subprocess.Popen(["true"], **pipes))
-    with pytest.raises(DataError, match=r"RX1\.h5: not drawn .* draw it again"):
-        list(processes.each_drawn([tmp_path / "RX1.h5", tmp_path / "RX2.h5"], tmp_path))
+    wanted = [tmp_path / "RX1.h5", tmp_path / "RX2.h5"]
+    with (
+        processes.drawing(wanted, tmp_path) as drawn,
+        pytest.raises(DataError, match=r"RX1\.h5: not drawn .* draw it again"),
+    ):
+        list(drawn)
