@@ -26,7 +26,7 @@ from erm.geometry.vertical import (
 from erm.reconstruction.curved.elements import LOSS_RANGE, TYPICAL_LOSS, log_odds_of_loss
 from erm.reconstruction.curved.search import MIN_PATHS, CurvedFace, CylinderSearch, log_prior, path_log_odds
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
-from erm.reconstruction.model.line import Line, Lines, mirror_images
+from erm.reconstruction.model.line import Line, Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 
 MAX_STEPS = 12
@@ -43,8 +43,8 @@ class Seen(NamedTuple):
     tx: FloatArray  # (path, 2)
     rx: FloatArray  # (path, 2)
     azimuth: FloatArray  # (path,)
-    centre: FloatArray  # (2,)
-    radius: float
+    centre: FloatArray  # (path, 2)
+    radius: FloatArray  # (path,)
 
 
 class Cylinder(NamedTuple):
@@ -61,7 +61,7 @@ class Cylinder(NamedTuple):
 
 
 Chain = Callable[[Paths, FloatArray], Seen]
-"""What paths are in the mirrors of a chain of given parameters."""
+"""What paths are in the mirrors of a chain of given parameters (path, parameter)."""
 
 
 def without_ghosts(
@@ -109,12 +109,28 @@ def explained_by_chains(own: Paths, cylinders: Sequence[Cylinder], lines: Sequen
     if not len(own) or not lines:
         return explained
     for cylinder in cylinders:
-        for seen, which in _in_mirrors(own, cylinder, Lines.from_list(list(lines))):
+        for seen, which in _near_in_mirrors(own, cylinder, Lines.from_list(list(lines))):
             explained[which[_chi_squared(own.take(which), seen, cylinder.covariance) < CHI_SQUARED_GATE]] = True
     return explained
 
 
-def _in_mirrors(own: Paths, cylinder: Cylinder, lines: Lines) -> list[tuple[Seen, IntArray]]:
+def _in_mirrors(own: Paths, lines: Lines, *, wall_first: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Antennas (path, line, 2) and azimuths (path, line) in the mirror of lines before, or after, a cylinder.
+
+    The antenna on the other side of the cylinder may be behind a line: its image is NaN.
+    """
+    n = unit(lines.normal)
+    antenna, other = own.tx[:, None, :2], own.rx[:, None, :2]
+    azimuth = own.azimuth[:, None]
+    if not wall_first:
+        antenna, other, azimuth = other, antenna, 2 * (lines.normal + 90) - azimuth
+    depth = np.sum((antenna - lines.pivot) * n, axis=-1) - lines.offset
+    image = np.where(depth[..., None] > 0, antenna - 2 * depth[..., None] * n, np.nan)
+    other, azimuth = np.broadcast_to(other, image.shape), np.broadcast_to(azimuth, depth.shape)
+    return (image, other, azimuth) if wall_first else (other, image, azimuth)
+
+
+def _near_in_mirrors(own: Paths, cylinder: Cylinder, lines: Lines) -> list[tuple[Seen, IntArray]]:
     """Paths in the mirror of each line before or after a cylinder, where they may meet it, and which paths they are.
 
     A reflection is within a radius of the axis. The length differs from that over the axis by at most two radii then,
@@ -125,24 +141,17 @@ def _in_mirrors(own: Paths, cylinder: Cylinder, lines: Lines) -> list[tuple[Seen
     reach = abs(cylinder.radius) + gate * np.sqrt(8 * np.trace(cylinder.covariance))
     length = horizontal_length(own.tx, own.rx, own.length)
     tolerance = 2 * reach + gate * own.length_std * own.length / length
-    n = unit(lines.normal)
-    level = lines.offset + np.sum(n * lines.pivot, axis=-1)
     found = []
     for wall_first in (True, False):
-        antenna = (own.tx if wall_first else own.rx)[:, :2]
-        depth = antenna @ n.T - level  # (path, line)
-        image = antenna[:, None] - 2 * depth[..., None] * n
-        tx, rx = (image, own.rx[:, None, :2]) if wall_first else (own.tx[:, None, :2], image)
-        azimuth = np.broadcast_to(own.azimuth[:, None], depth.shape)
-        if not wall_first:
-            azimuth = 2 * (lines.normal + 90) - azimuth
-        first, last = (np.linalg.norm(cylinder.centre - end, axis=-1) for end in (tx, rx))
+        seen = _in_mirrors(own, lines, wall_first=wall_first)
+        first, last = (np.linalg.norm(cylinder.centre - end, axis=-1) for end in seen[:2])
         aside = np.where(last > reach, np.rad2deg(np.arcsin(np.minimum(reach / last, 1.0))), 180.0)
-        toward = np.abs(angle_difference(azimuth, azimuth_of(cylinder.centre - rx)))
-        near = (depth > 0) & (np.abs(length[:, None] - first - last) <= tolerance[:, None])
+        toward = np.abs(angle_difference(seen[2], azimuth_of(cylinder.centre - seen[1])))
+        near = np.abs(length[:, None] - first - last) <= tolerance[:, None]
         which, line = np.nonzero(near & (toward <= aside + gate * own.azimuth_std[:, None]))
-        tx, rx = (np.broadcast_to(end, image.shape)[which, line] for end in (tx, rx))
-        found.append((Seen(tx, rx, azimuth[which, line], cylinder.centre, cylinder.radius), which))
+        tx, rx, azimuth = (column[which, line] for column in seen)
+        centre, radius = np.tile(cylinder.centre, (len(which), 1)), np.full(len(which), cylinder.radius)
+        found.append((Seen(tx, rx, azimuth, centre, radius), which))
     return found
 
 
@@ -153,30 +162,17 @@ def _is_behind(face: CurvedFace, paths: Paths, lines: Sequence[Line]) -> bool:
     return any(np.mean(one) > 0.5 for one in behind)
 
 
-def _mirrors(line: Line) -> list[Chain]:
-    """Chains off a wall and then a cylinder of given centre and radius, and in the other order."""
-
-    def image(antenna: FloatArray) -> FloatArray:
-        """Mirror images; the antenna beyond the cylinder may be behind the wall."""
-        in_front = (line.signed_distance(antenna) > 0)[:, None]
-        return np.where(in_front, mirror_images(line, antenna), np.nan)
-
-    def wall_first(own: Paths, p: FloatArray) -> Seen:
-        return Seen(image(own.tx), own.rx[:, :2], own.azimuth, p[:2], float(p[2]))
-
-    def wall_last(own: Paths, p: FloatArray) -> Seen:
-        azimuth = 2 * (line.normal + 90) - own.azimuth
-        return Seen(own.tx[:, :2], image(own.rx), azimuth, p[:2], float(p[2]))
-
-    return [wall_first, wall_last]
-
-
 def _chains_with_cylinder(own: Paths, face: CurvedFace, line: Line) -> list[tuple[Chain, FloatArray, float]]:
     """Chains off a wall and an unknown cylinder: function, start and log prior of the parameters."""
+    lines = Lines.from_list([line])
     found: list[tuple[Chain, FloatArray, float]] = []
-    for chain in _mirrors(line):
-        seen = chain(own, np.array([0.0, 0.0, 1.0]))
-        point, normal = _elements(own, seen)
+    for wall_first in (True, False):
+
+        def chain(own: Paths, p: FloatArray, wall_first: bool = wall_first) -> Seen:
+            tx, rx, azimuth = (column[:, 0] for column in _in_mirrors(own, lines, wall_first=wall_first))
+            return Seen(tx, rx, azimuth, p[:, :2], p[:, 2])
+
+        point, normal = _elements(own, chain(own, np.ones((len(own), 3))))
         n = unit(normal)
         design = np.concatenate([np.tile(np.eye(2), (len(own), 1)), n.reshape(-1, 1)], axis=1)
         if not np.isfinite(point).all():
@@ -195,16 +191,19 @@ def _chains_with_plane(own: Paths, known: CurvedFace) -> list[tuple[Chain, Float
     u = unit(own.azimuth)
     main = tx[0]
 
+    def known_cylinder(own: Paths) -> tuple[FloatArray, FloatArray]:
+        return np.tile(centre, (len(own), 1)), np.full(len(own), radius)
+
     def first_plane(own: Paths, p: FloatArray) -> Seen:
         """The plane before the cylinder, given by the image of the first transmitter."""
         normal, offset = bisector(main, p)
-        return Seen(mirrored(own.tx, normal, offset), own.rx[:, :2], own.azimuth, centre, radius)
+        return Seen(mirrored(own.tx, normal, offset), own.rx[:, :2], own.azimuth, *known_cylinder(own))
 
     def last_plane(own: Paths, p: FloatArray) -> Seen:
         """The plane after the cylinder, given by the image of its centre."""
         normal, offset = bisector(centre, p)
         azimuth = 2 * (normal + 90) - own.azimuth
-        return Seen(own.tx[:, :2], mirrored(own.rx, normal, offset), azimuth, centre, radius)
+        return Seen(own.tx[:, :2], mirrored(own.rx, normal, offset), azimuth, *known_cylinder(own))
 
     # the ray from the receiver meets the circle, or passes it nearby, and is reflected there toward the image
     ahead = np.sum((centre - rx) * u, axis=-1)
@@ -232,7 +231,7 @@ def _elements(own: Paths, seen: Seen) -> tuple[FloatArray, FloatArray]:
 def _bounce(own: Paths, seen: Seen) -> Bounce:
     """Reflections of a chain off its cylinder, nearest to what was measured."""
     _, normal = _elements(own, seen)
-    return bounce(seen.tx, seen.rx, seen.centre, np.full(len(own), seen.radius), normal)
+    return bounce(seen.tx, seen.rx, seen.centre, seen.radius, normal)
 
 
 def _compare(own: Paths, seen: Seen, found: Bounce) -> FloatArray:
@@ -262,17 +261,14 @@ def _evidence(
 
     It is fitted to the paths of a ghost, and may explain others, at most one of each link.
     """
-    own = search.paths.take(ghost.inliers)
     parameters, count = start.copy(), len(start)
     normal_matrix = np.eye(count)
-
-    def compared(parameters: FloatArray) -> FloatArray:
-        seen = chain(own, parameters)
-        return _compare(own, seen, _bounce(own, seen))
-
+    steps = np.vstack([np.zeros(count), STEP * np.eye(count)])  # all differences at once
+    own = search.paths.take(np.tile(ghost.inliers, count + 1))
     for _ in range(MAX_STEPS):
-        residual = compared(parameters)
-        slopes = np.stack([(residual - compared(parameters + STEP * one)) / STEP for one in np.eye(count)], axis=-1)
+        seen = chain(own, np.repeat(parameters + steps, len(ghost.inliers), axis=0))
+        residual, *moved = _compare(own, seen, _bounce(own, seen)).reshape(count + 1, -1, 2)
+        slopes = np.stack([(residual - one) / STEP for one in moved], axis=-1)
         usable = np.isfinite(residual).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
         if np.count_nonzero(usable) < MIN_PATHS:
             return -np.inf
@@ -289,7 +285,7 @@ def _evidence(
     own, elements = search.paths.take(rows), search.elements.take(rows)
     clutter = np.maximum(elements.log_clutter[len(ghost.inliers) :], ghost.log_clutter.mean())
     elements = elements._replace(log_clutter=np.r_[ghost.log_clutter, clutter])
-    seen = chain(own, parameters)
+    seen = chain(own, np.tile(parameters, (len(own), 1)))
     residual = _compare(own, seen, _bounce(own, seen))
     chi2 = np.where(np.isfinite(residual[:, 0]), np.sum(residual**2, axis=-1), np.inf)
     odds = path_log_odds(chi2, elements) + log_odds_of_loss(
