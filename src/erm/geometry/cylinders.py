@@ -39,6 +39,7 @@ class Bounce(NamedTuple):
     azimuth: FloatArray  # (...) degree, of arrival
     length_slopes: FloatArray  # (..., 3) per metre
     azimuth_slopes: FloatArray  # (..., 3) degree per metre
+    azimuth_slopes_by_rx: FloatArray  # (..., 2) degree per metre that the receiver moves
 
 
 def reflection_azimuths(
@@ -105,7 +106,8 @@ def bounce(
         + \sin\theta\,(1/s_2 - 1/s_1)\,(n\cdot\mathrm{d}c + \mathrm{d}a)}{2 + a \cos\theta\,(1/s_1 + 1/s_2)},
         \qquad \mathrm{d}p = \mathrm{d}c + n\,\mathrm{d}a + a\,t\,\mathrm{d}\phi.
 
-    The denominator is 0 at a caustic of a concave face.
+    The denominator is 0 at a caustic of a concave face. A receiver that moves turns the point by
+    ``(cos(theta) t + sin(theta) n).dr / s2`` over the same denominator.
 
     Parameters
     ----------
@@ -148,8 +150,12 @@ def bounce(
     still = np.concatenate([left, np.sum(left * n, axis=-1)[..., None]], axis=-1)
     along = radius * np.sum(left * t, axis=-1)
     azimuth_slopes = np.rad2deg(still + along[..., None] * turn)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn_by_rx = (cosine[..., None] * t + sine[..., None] * n) / (s2 * (2 + radius * across))[..., None]
+    by_rx = np.rad2deg(along[..., None] * turn_by_rx - left)
     length_slopes = -2 * cosine[..., None] * np.concatenate([n, np.ones_like(n[..., :1])], axis=-1)
-    found = Bounce(normal % 360, point, cosine, s1 + s2, azimuth_of(-to_rx), length_slopes, azimuth_slopes)
+    azimuth = azimuth_of(-to_rx)
+    found = Bounce(normal % 360, point, cosine, s1 + s2, azimuth, length_slopes, azimuth_slopes, by_rx)
     return Bounce(*(np.where(hidden.reshape(hidden.shape + (1,) * (v.ndim - hidden.ndim)), np.nan, v) for v in found))
 
 

@@ -1,4 +1,4 @@
-"""Bundle adjustment of a map: walls and survey errors of positions from all paths that are explained.
+"""Bundle adjustment of a map: walls, cylinders and survey errors of positions from all paths that are explained.
 
 Each reflection of a chain moves its image by twice the error of a wall, and later reflections in a street meet its
 walls more steeply than the first: a few chains may determine a wall better than all single reflections off it. Images
@@ -19,6 +19,8 @@ from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.mpcs.survey_widths import survey_widths
+from erm.reconstruction.curved.faces import Curved
+from erm.reconstruction.curved.fit import compared
 from erm.reconstruction.decision.chains import Chains, ChainSearch
 from erm.reconstruction.decision.decide import Decision
 from erm.reconstruction.model.fit import fit_line
@@ -29,7 +31,7 @@ from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.false_alarm import log_odds_against_false_alarm
 from erm.survey.bundle import Bundle, adjust, by_error
 from erm.survey.positions import PositionErrors
-from erm.survey.residuals import CLOCK, HEADING, Faces, MeasuredPaths
+from erm.survey.residuals import CLOCK, HEADING, BentPaths, Faces, MeasuredPaths
 from erm.survey.restart import Sources, restart
 
 if TYPE_CHECKING:
@@ -48,6 +50,8 @@ class Adjusted(NamedTuple):
 
     decision: Decision
     """With the walls that were fitted, and their paths without errors of the survey."""
+    curved: Curved
+    """With the cylinders that were fitted."""
     chains: IntArray
     """Rows of the table that were reflected off several walls."""
     positions: PositionErrors
@@ -55,9 +59,14 @@ class Adjusted(NamedTuple):
 
 
 def bundle_walls(
-    table: "xr.Dataset", measured: Paths, decision: Decision, positions: PositionErrors, max_gap: float
+    table: "xr.Dataset",
+    measured: Paths,
+    decision: Decision,
+    curved: Curved,
+    positions: PositionErrors,
+    max_gap: float,
 ) -> Adjusted:
-    """Fit walls and errors of positions to single reflections, direct paths, and chains of reflections off the walls.
+    """Fit walls, cylinders and errors of positions to single reflections, direct paths, and chains off the walls.
 
     Parameters
     ----------
@@ -66,12 +75,13 @@ def bundle_walls(
     measured : Paths
         All MPCs of the table.
     decision : Decision
+    curved : Curved
     positions : PositionErrors
         What was removed from the table.
     max_gap : float
         How far beyond its outermost reflection points a wall may reflect [m].
     """
-    problem = _Problem(table, measured, positions)
+    problem = _Problem(table, measured, positions, curved)
     chains = np.empty(0, dtype=np.int64)
     no_image = (Reason.FALSE_ALARM, Reason.MEAN_ELEVATION)
     images = [_of_main_transmitter(wall) for wall, why in decision.rejected if why not in no_image]
@@ -79,7 +89,7 @@ def bundle_walls(
     walls = list(compress(decision.walls, certain))
     images = list(compress(images, certain[len(decision.walls) :]))
     if not len(problem.direct) and not walls and not images:
-        return Adjusted(decision, chains, positions)
+        return Adjusted(decision, curved, chains, positions)
     no_chain = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT, Reason.CURVED_FACE)
     free = ~np.isin(table["reason"].values, no_chain) & fits_vertical_wall(table)
     free[concatenate_rows(wall.paths.row for wall in decision.walls)] = False
@@ -101,7 +111,7 @@ def bundle_walls(
         others = [image for image in images if np.isin(image.paths.row, chains).mean() < MAX_EXPLAINED_SHARE]
         found = problem.adjust([*walls, *others], sets, found)
     if not positions.inexact and not len(chains):
-        return Adjusted(decision, chains, positions)
+        return Adjusted(decision, curved, chains, positions)
     updated = positions.updated(found)
     lines, _ = _lines(walls, found)
     fitted, number = [], 0
@@ -113,7 +123,7 @@ def bundle_walls(
         number += int(is_certain)
     if positions.inexact:
         updated = problem.restarted([*walls, *others], len(walls), found)
-    return Adjusted(decision._replace(walls=fitted), chains, updated)
+    return Adjusted(decision._replace(walls=fitted), problem.fitted(found, updated), chains, updated)
 
 
 def _are_certain(walls: Sequence[Wall]) -> BoolArray:
@@ -127,8 +137,8 @@ def _are_certain(walls: Sequence[Wall]) -> BoolArray:
 class _Problem:
     """Paths of a table as they were measured, before errors of positions were removed."""
 
-    def __init__(self, table: "xr.Dataset", measured: Paths, positions: PositionErrors) -> None:
-        self.positions = positions
+    def __init__(self, table: "xr.Dataset", measured: Paths, positions: PositionErrors, curved: Curved) -> None:
+        self.positions, self.curved, self.measured = positions, curved, measured
         survey = table["survey_delay_std"].values * c, table["survey_azimuth_std"].values
         every = table["delay_std"].values * c, table["azimuth_std"].values
         own = [np.sqrt(np.maximum(both**2 - part**2, 0.0)) for both, part in zip(every, survey, strict=True)]
@@ -137,8 +147,30 @@ class _Problem:
         neither = (Reason.GROUND_REFLECTION, Reason.CURVED_FACE)
         self.usable = measured.take(fits_vertical_wall(table) & ~np.isin(table["reason"].values, neither))
 
+    def bent(self) -> BentPaths | None:
+        """Paths off the curved faces."""
+        faces = self.curved.faces
+        if not faces:
+            return None
+        paths = self.measured.take(self.curved.rows)
+        return BentPaths(
+            self._as_measured(paths, np.empty((len(paths), 0), dtype=np.int64)),
+            np.repeat(np.arange(len(faces)), [len(face.inliers) for face in faces]),
+            np.concatenate([face.fit.normal for face in faces]),
+            np.array([[*face.fit.centre, face.fit.radius] for face in faces]),
+        )
+
+    def fitted(self, found: Bundle, positions: PositionErrors) -> Curved:
+        """Curved faces as they were adjusted; one that some path no longer meets stays as it was."""
+        faces = []
+        for face, shape, covariance in zip(self.curved.faces, found.cylinders, found.cylinder_covariance, strict=True):
+            own = self.without_errors(self.measured.take(self.curved.paths.row[face.inliers]), positions)
+            fit = compared(own, face.fit.normal, shape[:2], float(shape[2]), covariance)
+            faces.append(face._replace(fit=fit) if np.isfinite(fit.chi_squared).all() else face)
+        return self.curved._replace(faces=faces)
+
     def adjust(self, walls: Sequence[Wall], sets: Sequence[Chains], start: Bundle | None = None) -> Bundle:
-        """Adjust walls and positions to the paths of the walls, direct paths, and chains."""
+        """Adjust walls, cylinders and positions to their paths, direct paths, and chains."""
         paths = Paths.concatenate([self.direct, *(wall.paths for wall in walls), *(one.paths for one in sets)])
         faces = np.full((len(paths), MAX_BOUNCES), NO_FACE)
         first = len(self.direct)
@@ -157,6 +189,7 @@ class _Problem:
             common=self.positions.common,
             errors_known=self.positions.errors_known,
             start=start,
+            bent=self.bent(),
         )
 
     def restarted(self, faces: Sequence[Wall], walls: int, found: Bundle) -> PositionErrors:
@@ -241,6 +274,8 @@ def _as_fitted(walls: Sequence[Wall], positions: PositionErrors) -> Bundle:
         std=np.zeros(3),
         scale=positions.scale,
         residual=np.empty((0, 2)),
+        cylinders=np.empty((0, 3)),
+        cylinder_covariance=np.empty((0, 3, 3)),
     )
 
 

@@ -1,5 +1,6 @@
 """From selected MPCs to a map: find common images, separate walls from chains of reflections, measure extents."""
 
+from functools import partial
 from itertools import compress
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ from erm.reconstruction.curved.faces import (
     standing,
     without_ghosts_of_poles,
 )
-from erm.reconstruction.decision.decide import Decision, decide_walls
+from erm.reconstruction.decision.decide import Decision, KnownCurved, decide_walls
 from erm.reconstruction.decision.pieces import Links
 from erm.reconstruction.delay_wraps import add_wrapped_paths, with_wrapped_delays
 from erm.reconstruction.model.extent import Legs
@@ -146,20 +147,21 @@ def locate_walls(
     ungrouped[concatenate_rows(group.inliers for group in as_measured)] = False
     paths, as_measured = merge_rough_facades(paths, as_measured, ungrouped, min_support)
     groups = as_measured + groups[number_as_measured:]
-    decision = _decide(table, paths, groups, max_gap, min_support, standing(curved, max_gap))
+    known = KnownCurved(standing(curved, max_gap), partial(chains_off, curved))
+    decision = _decide(table, paths, groups, max_gap, min_support, known)
     # groups with longer delays that are not walls are no evidence about other candidates
     taken = concatenate_rows(wall.inliers for wall in decision.walls)
     valid = [n < len(as_measured) or bool(np.isin(group.inliers, taken).all()) for n, group in enumerate(groups)]
     if not all(valid):
         groups = list(compress(groups, valid))
-        decision = _decide(table, paths, groups, max_gap, min_support, standing(curved, max_gap))
+        decision = _decide(table, paths, groups, max_gap, min_support, known)
     table, measured = with_wrapped_delays(table, measured, wrapped, decision.walls, count)
-    decision, chains, positions = bundle_walls(table, measured, decision, positions, max_gap)
+    curved = beside_walls(curved, decision.walls)
+    decision, curved, chains, positions = bundle_walls(table, measured, decision, curved, positions, max_gap)
     candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
     explained = np.concatenate([chains, *(wall.paths.row for wall in [*decision.walls, *candidates])])
-    curved = beside_walls(curved, decision.walls)
     pole_paths = measured.take(_may_be_off_poles(table, explained))
-    pole_paths = pole_paths.take(~chains_off(curved, decision.walls, pole_paths))
+    pole_paths = pole_paths.take(~chains_off(curved, pole_paths, [wall.line for wall in decision.walls]))
     poles = find_poles(pole_paths, decision.walls, min_support)
     curved = without_ghosts_of_poles(curved, poles, decision.walls)
     environment, located = assemble(decision, chains, poles, pole_paths, table, curved, max_gap)
@@ -182,7 +184,7 @@ def _without_curved(table: "xr.Dataset", curved: Curved) -> "xr.Dataset":
 
 
 def _decide(
-    table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float, min_support: int, curved: np.ndarray
+    table: "xr.Dataset", paths: Paths, groups: list[Group], max_gap: float, min_support: int, curved: KnownCurved
 ) -> Decision:
     """Decide which groups are walls."""
     candidates = [Wall(paths, group.line, group.inliers) for group in groups]

@@ -33,7 +33,20 @@ from scipy.special import ndtr
 from erm.geometry.chains import NO_FACE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.standard_errors import MIN_SCALE
-from erm.survey.residuals import AZIMUTH, CLOCK, HEADING, LENGTH, BoolArray, Faces, MeasuredPaths, residuals
+from erm.survey.residuals import (
+    AZIMUTH,
+    CLOCK,
+    HEADING,
+    LENGTH,
+    BentPaths,
+    BoolArray,
+    Faces,
+    IntArray,
+    MeasuredPaths,
+    Residuals,
+    bent_residuals,
+    residuals,
+)
 from erm.survey.schur import BLOCK, NormalEquations, Solution, normal_equations, solve, total
 
 HUBER_THRESHOLD = 2.5
@@ -110,7 +123,10 @@ class Bundle:
     scale : array (2,)
         Factors of the standard errors of lengths and azimuths.
     residual : array (path, 2)
-        Length and azimuth in these standard errors.
+        Length and azimuth in these standard errors; of paths off cylinders last.
+    cylinders : array (cylinder, 3)
+        East and north of the axes and signed radii [m].
+    cylinder_covariance : array (cylinder, 3, 3)
     """
 
     faces: Faces
@@ -123,11 +139,14 @@ class Bundle:
     std: FloatArray
     scale: FloatArray
     residual: FloatArray
+    cylinders: FloatArray
+    cylinder_covariance: FloatArray
 
 
 @dataclass(frozen=True)
 class _State:
     faces: Faces
+    cylinders: FloatArray  # (cylinder, 3)
     common: FloatArray  # (2,)
     own: FloatArray  # (position, 4)
     std: FloatArray  # (3,)
@@ -142,36 +161,50 @@ class _State:
 class _Problem:
     """One adjustment: its observations and where its parameters are."""
 
-    def __init__(self, observations: MeasuredPaths, faces: Faces, positions: int, *, common: bool) -> None:
-        self.observations = observations
+    def __init__(
+        self, observations: MeasuredPaths, faces: Faces, positions: int, bent: BentPaths | None, *, common: bool
+    ) -> None:
+        self.observations, self.bent = observations, bent
         self.faces, self.positions, self.common = len(faces.normal), positions, common
-        self.shared = 2 * self.faces + 2 * common
+        self.cylinders = 0 if bent is None else len(bent.cylinders)
+        self.first_common = 2 * self.faces + 3 * self.cylinders
+        self.shared = self.first_common + 2 * common
         padded = np.where(observations.faces == NO_FACE, 0, observations.faces)  # their slopes are 0
-        paths = len(observations)
-        columns = (2 * padded[:, :, None] + np.arange(2)).reshape(paths, -1)
-        self.columns = [np.column_stack([columns, np.full((paths, int(common)), 2 * self.faces + n)]) for n in (1, 0)]
+        columns = [(2 * padded[:, :, None] + np.arange(2)).reshape(len(padded), -1)]
+        if bent is not None:
+            columns.append(2 * self.faces + 3 * bent.number[:, None] + np.arange(3))
+        self.columns = [
+            [np.column_stack([own, np.full((len(own), int(common)), self.first_common + n)]) for own in columns]
+            for n in (1, 0)
+        ]
 
     def equations(self, state: _State) -> tuple[list[NormalEquations], FloatArray]:
         """Normal equations of lengths and of azimuths, in standard errors as given; residuals (path, 2)."""
-        found = residuals(self.observations, state.faces, state.errors()[self.observations.position])
-        size = np.abs(found.value) / state.scale
-        weight = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(size, HUBER_THRESHOLD))
+        errors, position = state.errors(), self.observations.position
+        found = [(residuals(self.observations, state.faces, errors[position]), position)]
+        if self.bent is not None:
+            position = self.bent.paths.position
+            found.append((bent_residuals(self.bent, state.cylinders, errors[position]), position))
         parts = []
         for kind, error in ((LENGTH, CLOCK), (AZIMUTH, HEADING)):
-            slopes = found.by_face.reshape(len(size), 2, -1)
-            if self.common:
-                slopes = np.concatenate([slopes, found.by_position[:, :, error, None]], axis=-1)
-            parts.append(
-                normal_equations(
-                    found._replace(by_face=slopes),
-                    kind,
-                    weight[:, kind],
-                    self.columns[kind],
-                    self.observations.position,
-                    (self.shared, self.positions),
-                )
-            )
-        return parts, found.value
+            own = [
+                self._equations(*one, kind, error, columns, state)
+                for one, columns in zip(found, self.columns[kind], strict=True)
+            ]
+            parts.append(total(own, np.ones(len(own))))
+        return parts, np.concatenate([one.value for one, _ in found])
+
+    def _equations(
+        self, found: Residuals, position: IntArray, kind: int, error: int, columns: IntArray, state: _State
+    ) -> NormalEquations:
+        """Normal equations of one quantity of some paths."""
+        size = np.abs(found.value[:, kind]) / state.scale[kind]
+        weight = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(size, HUBER_THRESHOLD))
+        slopes = found.by_face.reshape(len(size), 2, -1)
+        if self.common:
+            slopes = np.concatenate([slopes, found.by_position[:, :, error, None]], axis=-1)
+        count = self.shared, self.positions
+        return normal_equations(found._replace(by_face=slopes), kind, weight, columns, position, count)
 
     def solve(self, parts: list[NormalEquations], state: _State) -> Solution:
         """Step of the parameters; that of positions in standard deviations of their errors."""
@@ -197,8 +230,11 @@ class _Problem:
         faces = state.faces._replace(
             normal=(state.faces.normal + step[:, 0]) % 360, offset=state.faces.offset + step[:, 1]
         )
+        cylinders = state.cylinders + solution.shared[2 * self.faces : self.first_common].reshape(-1, 3)
         common = state.common + (solution.shared[-2:] if self.common else 0.0)
-        return replace(state, faces=faces, common=common, own=state.own + solution.block * by_error(state.std))
+        return replace(
+            state, faces=faces, cylinders=cylinders, common=common, own=state.own + solution.block * by_error(state.std)
+        )
 
 
 def by_error(std: FloatArray) -> FloatArray:
@@ -215,6 +251,7 @@ def adjust(
     common: bool = False,
     errors_known: bool = True,
     start: Bundle | None = None,
+    bent: BentPaths | None = None,
 ) -> Bundle:
     """Most likely faces and survey errors, with their covariances.
 
@@ -235,6 +272,8 @@ def adjust(
         but never reduced.
     start : Bundle, optional
         Result for nearly the same paths, from which this one is found in fewer steps.
+    bent : BentPaths, optional
+        Paths off cylinders, which are adjusted, too.
 
     Examples
     --------
@@ -254,9 +293,11 @@ def adjust(
     """
     met = observations.faces
     observations = replace(observations, faces=met[:, (met != NO_FACE).any(axis=0)])
-    problem = _Problem(observations, faces, positions, common=common)
+    problem = _Problem(observations, faces, positions, bent, common=common)
     first = [start if std is None else std for std, start in zip(given.known(), FIRST_STD, strict=True)]
-    state = _State(faces, np.zeros(2), np.zeros((positions, BLOCK)), np.array(first, dtype=float), np.ones(2))
+    cylinders = np.empty((0, 3)) if bent is None else bent.cylinders
+    own, std = np.zeros((positions, BLOCK)), np.array(first, dtype=float)
+    state = _State(faces, cylinders, np.zeros(2), own, std, np.ones(2))
     free = np.array([std is None for std in given.known()])
     if start is not None:
         own = start.errors - np.r_[0.0, 0.0, start.common]
@@ -319,21 +360,24 @@ def _scales(
 
 
 def _result(problem: _Problem, state: _State, solution: Solution, value: FloatArray) -> Bundle:
-    faces = 2 * problem.faces
+    faces, common = 2 * problem.faces, problem.first_common
     covariance = solution.shared_covariance
+    each = faces + 3 * np.arange(problem.cylinders)[:, None] + np.arange(3)
     added = sparse.lil_array((BLOCK * problem.positions, problem.shared))
     if problem.common:
-        added[HEADING::BLOCK, faces] = added[CLOCK::BLOCK, faces + 1] = 1.0
+        added[HEADING::BLOCK, common] = added[CLOCK::BLOCK, common + 1] = 1.0
     in_units = solution.scaled(by_error(state.std))
     return Bundle(
         faces=state.faces,
         face_covariance=covariance[:faces, :faces].reshape(problem.faces, 2, problem.faces, 2),
         common=state.common,
-        common_covariance=covariance[faces:, faces:] if problem.common else np.zeros((2, 2)),
+        common_covariance=covariance[common:, common:] if problem.common else np.zeros((2, 2)),
         errors=state.errors(),
         covariance=in_units.block_covariance(added.tocsr()),
         own_covariance=in_units.block_covariance(),
         std=state.std,
         scale=state.scale,
         residual=value / state.scale,
+        cylinders=state.cylinders,
+        cylinder_covariance=covariance[each[:, :, None], each[:, None, :]],
     )

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from erm.geometry.chains import chain_images
+from erm.geometry.cylinders import bounce
 from erm.geometry.vertical import FloatArray, angle_difference
 
 IntArray = npt.NDArray[np.int64]
@@ -60,11 +61,20 @@ class Faces(NamedTuple):
     pivot: FloatArray  # (face, 2) m
 
 
+class BentPaths(NamedTuple):
+    """Measured paths off vertical cylinders."""
+
+    paths: MeasuredPaths
+    number: IntArray  # (path,) of the cylinder
+    normal: FloatArray  # (path,) degree, from which the reflection point is searched
+    cylinders: FloatArray  # (cylinder, 3) east, north and signed radius [m]; the start of an adjustment
+
+
 class Residuals(NamedTuple):
     """Measured minus predicted, and the slopes of the predictions; all in standard errors of the measurement."""
 
     value: FloatArray  # (path, 2)
-    by_face: FloatArray  # (path, 2, bounce, 2), of (normal, offset)
+    by_face: FloatArray  # (path, 2, bounce, 2), of (normal, offset); (path, 2, 3) of a cylinder
     by_position: FloatArray  # (path, 2, 4)
 
 
@@ -115,3 +125,25 @@ def residuals(observations: MeasuredPaths, faces: Faces, errors: FloatArray) -> 
     )
     by_face = np.einsum("pqi,pbik->pqbk", by_image, of_image)
     return Residuals(value / observations.std, by_face, by_position)
+
+
+def bent_residuals(bent: BentPaths, cylinders: FloatArray, errors: FloatArray) -> Residuals:
+    """Compare paths with single bounces off cylinders (cylinder, 3); what is not reflected shows nothing.
+
+    Parameters and result are those of `residuals`.
+    """
+    own, shape = bent.paths, cylinders[bent.number]
+    found = bounce(own.tx, own.rx + errors[:, :2], shape[:, :2], shape[:, 2], bent.normal)
+    slant = np.hypot(found.length, own.height_difference)
+    flat = (found.length / slant)[:, None]
+    leg = own.rx + errors[:, :2] - found.point
+    by_position = np.zeros((len(own), 2, 4))
+    by_position[:, LENGTH, :2] = flat * leg / np.linalg.norm(leg, axis=-1, keepdims=True)
+    by_position[:, AZIMUTH, :2] = found.azimuth_slopes_by_rx
+    by_position[:, LENGTH, CLOCK] = by_position[:, AZIMUTH, HEADING] = 1.0
+    by_face = np.stack([flat * found.length_slopes, found.azimuth_slopes], axis=1)
+    azimuth = angle_difference(own.measured[:, AZIMUTH], found.azimuth + errors[:, HEADING])
+    value = np.stack([own.measured[:, LENGTH] - slant - errors[:, CLOCK], azimuth], axis=-1)
+    parts = (value / own.std, by_face / own.std[:, :, None], by_position / own.std[:, :, None])
+    usable = np.isfinite(parts[0]).all(axis=1) & np.isfinite(parts[1]).all(axis=(1, 2))
+    return Residuals(*(np.where(usable.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in parts))

@@ -16,6 +16,7 @@ from erm.reconstruction.curved.ghosts import Cylinder, explained_by_chains, with
 from erm.reconstruction.curved.search import CurvedFace, CylinderSearch
 from erm.reconstruction.decision.pieces import hidden_legs, span
 from erm.reconstruction.model.extent import MAX_FRESNEL_MARGIN, Legs, solid_footprint
+from erm.reconstruction.model.line import Line
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.poles.point_scatterers import MAX_RADIUS
@@ -107,9 +108,9 @@ def beside_walls(curved: Curved, walls: Sequence[Wall]) -> Curved:
     return curved._replace(faces=without_ghosts(kept, curved.search, [wall.line for wall in walls], free))
 
 
-def chains_off(curved: Curved, walls: Sequence[Wall], paths: Paths) -> BoolArray:
-    """Whether (path,) chains off a curved face and a wall explain paths."""
-    return explained_by_chains(paths, [Cylinder.of(face) for face in curved.faces], [wall.line for wall in walls])
+def chains_off(curved: Curved, paths: Paths, lines: Sequence[Line]) -> BoolArray:
+    """Whether (path,) chains off a curved face, or a thin pole, and a wall explain paths."""
+    return explained_by_chains(paths, [Cylinder.of(face) for face in (*curved.faces, *curved.thin)], lines)
 
 
 def without_ghosts_of_poles(curved: Curved, poles: Sequence[Pole], walls: Sequence[Wall]) -> Curved:

@@ -3,7 +3,7 @@
 The most plausible candidates are accepted first. Candidates that contradict accepted ones are rejected.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import compress
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from erm.reconstruction.decision.duplicates import merge_duplicates
 from erm.reconstruction.decision.multi_bounce import MAX_MIRROR_ERROR, hidden_wall_pairs, is_multi_bounce, mirror_of
 from erm.reconstruction.decision.pieces import Links, cut_walls, plan_lines
 from erm.reconstruction.model.extent import MAX_TESTED_PATHS, STRAY_SHARE, Legs, Piece, legs_of
+from erm.reconstruction.model.line import Line
 from erm.reconstruction.model.loss import (
     LOSS_SCATTER,
     excess_loss,
@@ -27,7 +28,7 @@ from erm.reconstruction.model.loss import (
     median_loss,
     weighted_quantile,
 )
-from erm.reconstruction.model.paths import BoolArray
+from erm.reconstruction.model.paths import BoolArray, Paths
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.false_alarm import are_false_alarms, log_odds_against_false_alarm
 
@@ -64,6 +65,15 @@ MIN_WEAK_LOG_ODDS = 2.0
 gains are uncertain. Six in seven such candidates were no walls."""
 
 
+class KnownCurved(NamedTuple):
+    """Curved faces, which are found before walls are decided."""
+
+    standing: np.ndarray
+    """Geometries (face,) of shapely: where they stand, seen from above."""
+    explain: Callable[[Paths, Sequence[Line]], BoolArray]
+    """Whether chains off one of them and one of some walls explain paths (path,)."""
+
+
 class Decision(NamedTuple):
     """Walls, their pieces, and the rejected candidates with the reasons."""
 
@@ -85,15 +95,15 @@ class Candidates:
         Direct paths known to be unobstructed.
     max_gap : float
         [m].
-    curved : array (face,) of shapely.Geometry
-        Where curved faces stand.
+    curved : KnownCurved
     """
 
     def __init__(
-        self, walls: Sequence[Wall], minor: Sequence[Wall], lines_of_sight: Legs, max_gap: float, curved: np.ndarray
+        self, walls: Sequence[Wall], minor: Sequence[Wall], lines_of_sight: Legs, max_gap: float, curved: KnownCurved
     ) -> None:
         self.walls = list(walls)
-        tree = shapely.STRtree(curved)
+        self._explained_by_curved = curved.explain
+        tree = shapely.STRtree(curved.standing)
         self._curved_openings = [_openings_of_curved(wall, tree) for wall in walls]
         self._is_multi_bounce: dict[tuple[int, bytes], bool] = {}
         self._mirrors = [mirror_of(wall, max_gap) for wall in walls]
@@ -145,7 +155,10 @@ class Candidates:
         key = (wall, others.tobytes())
         if key not in self._is_multi_bounce:
             mirrors = [self._mirrors[i] for i in np.flatnonzero(others)] + self._minor_mirrors
-            self._is_multi_bounce[key] = is_multi_bounce(self.walls[wall], mirrors)
+            lines = [self.walls[i].line for i in np.flatnonzero(others)]
+            self._is_multi_bounce[key] = is_multi_bounce(self.walls[wall], mirrors) or bool(
+                np.mean(self._explained_by_curved(self.walls[wall].paths, lines)) > 0.5
+            )
         return Reason.MULTIPLE_REFLECTION if self._is_multi_bounce[key] else None
 
     def _log_odds_beside(self, wall: int, accepted: BoolArray) -> float:
@@ -179,7 +192,7 @@ def decide_walls(
     links: Links,
     max_gap: float,
     min_support: int,
-    curved: np.ndarray,
+    curved: KnownCurved,
 ) -> Decision:
     """Tell walls from chains of reflections.
 
@@ -198,8 +211,7 @@ def decide_walls(
         Reflection points on one line further apart than this are on different walls [m].
     min_support : int
         Fewest paths on the pieces of a wall. A path far from the others may be off another wall and is no evidence.
-    curved : array (face,) of shapely.Geometry
-        Where curved faces stand.
+    curved : KnownCurved
     """
     false_alarms = are_false_alarms(candidates)
     rejected = [(wall, Reason.FALSE_ALARM) for wall in compress(candidates, false_alarms)]
@@ -218,7 +230,7 @@ def decide_walls(
     ]
     chosen = sorted(np.flatnonzero(accepted).tolist(), key=lambda i: (-walls[i].support, ranked.rank[i]))
     kept = [walls[i] for i in chosen]
-    pieces = cut_walls(kept, lines_of_sight, links, max_gap, curved)
+    pieces = cut_walls(kept, lines_of_sight, links, max_gap, curved.standing)
     shared = [sum(len(piece.inliers) for piece in own) >= min_support for own in pieces]
     too_few = [(wall, Reason.NOT_SHARED) for wall, enough in zip(kept, shared, strict=True) if not enough]
     return Decision(list(compress(kept, shared)), list(compress(pieces, shared)), reasons + rejected + too_few)
