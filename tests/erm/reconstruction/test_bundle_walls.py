@@ -113,7 +113,7 @@ def test_no_chain_is_used_where_as_many_would_be_found_by_chance(monkeypatch):
     both = select(xr.concat([table, clutter], dim="mpc"))
     dense, _ = reconstruct(both, max_gap=np.inf)
     none = np.empty(0, dtype=np.int64)
-    monkeypatch.setattr(module, "bundle_walls", lambda *given: Adjusted(given[2], none, given[3]))
+    monkeypatch.setattr(module, "bundle_walls", lambda *given: Adjusted(given[2], given[3], none, given[4]))
     alone, _ = reconstruct(both, max_gap=np.inf)
     assert alone.reflectors.sizes["reflector"] >= 2
     np.testing.assert_array_equal(dense.reflectors["offset"], alone.reflectors["offset"])
