@@ -7,7 +7,8 @@ samples of all beams have few unknowns (`sounder.mpc.joint_fit`). The fit shows 
 together where that leaves no more, for each free parameter, than phases of their own do, or than noise does.
 
 Where the residuals hold one more path, it is added if it improves the fit by more than chance and the error of the
-pattern allow, exceeds the threshold, is separate from the others, and has a known azimuth.
+pattern allow, and is separate from the others. It becomes an MPC if it exceeds the threshold, is in the fan, and has a
+known azimuth. That is also how a path found alone is told from two: a reflection and that of the ground before it.
 """
 
 from collections.abc import Iterator
@@ -72,7 +73,7 @@ def refine_jointly(found: Paths, removed: Complex, group: Integers, scan: Scan) 
     """
     found, group, added = found.copy(), group.copy(), []
     for members in _groups(found, scan):
-        if members.size < 2 or (members.size == 2 and group[members[0]] == group[members[1]] >= 0):
+        if members.size == 2 and group[members[0]] == group[members[1]] >= 0:
             continue
         result = _fit_group(members, found, removed, scan)
         if result is None:
@@ -83,7 +84,7 @@ def refine_jointly(found: Paths, removed: Complex, group: Integers, scan: Scan) 
         _set_records(records, best, noise, first, scan)
         number = group.max(initial=-1) + 1
         found[members], group[members] = records[: members.size], number
-        added.append((records[members.size :], number))
+        added.append((records[members.size :][_listed(best, scan)[members.size :]], number))
     for records, number in added:
         found, group = np.concatenate([found, records]), np.append(group, np.full(len(records), number))
     return found, group
@@ -106,7 +107,7 @@ def _groups(found: Paths, scan: Scan) -> Iterator[Integers]:
 
 
 def _fit_group(members: Integers, found: Paths, removed: Complex, scan: Scan) -> tuple[JointFit, Real, int] | None:
-    """Fit a group, the noise counted (link,), the window's first sample; None if own phases explain more."""
+    """Fit a group, the noise counted (link,), the window's first sample; None if less than a group explains as much."""
     paths = found[members]
     late = scan.delay_after(paths["delay"], paths["delay"][0])
     first = int(np.floor(paths["delay"][0] + late.min())) - PADDING
@@ -126,16 +127,31 @@ def _fit_group(members: Integers, found: Paths, removed: Complex, scan: Scan) ->
     separate_misfit = 2 * np.sum(np.abs(residual) ** 2) / freedom
     best = fit_jointly(start, _bounds(start, scan), beams, window, scan.cuts)
     allowed = max(separate_misfit, 1 + JOINT_EXCESS / np.sqrt(best.residual.size))
-    if best.misfit > allowed or _separation(best.paths, scan) < MIN_SEPARATION:
+    if members.size > 1 and (best.misfit > allowed or _separation(best.paths, scan) < MIN_SEPARATION):
         return None
+    alone, _ = window.at(best.paths[:1, DELAY])
     for _ in range(MAX_ADDED):
         more = _with_another(best, beams, window, scan)
         if more is None:
             break
         best = more
+    if members.size == 1 and not _differs_in_delay(best, alone, beams):
+        return None
     counted = scan.noise.copy()
     counted[numbers] = beams.noise
-    return best, counted, first
+    return (best, counted, first) if best.misfit <= allowed else None
+
+
+def _differs_in_delay(fit: JointFit, pulse: Complex, beams: BeamSamples) -> bool:
+    """Whether a fit is better than one ``pulse`` (1, combination) with any amplitude in each beam.
+
+    That is what one path leaves in a horn that is not as described.
+    """
+    left = np.sum(np.abs(beams.samples) ** 2) - np.sum(np.abs(beams.samples @ pulse[0].conj()) ** 2) / np.sum(
+        np.abs(pulse) ** 2
+    )
+    better = 2 * (left - np.sum(np.abs(fit.residual) ** 2))
+    return bool(better > JOINT_IMPROVEMENT * max(1.0, fit.misfit))
 
 
 def _samples(
@@ -190,21 +206,27 @@ def _with_another(known: JointFit, beams: BeamSamples, window: WindowPulse, scan
     more = fit_jointly(paths, _bounds(paths, scan), beams, window, scan.cuts)
     if 2 * (known.cost - more.cost) < JOINT_IMPROVEMENT * max(1.0, more.misfit):
         return None
-    elevation = more.paths[-1, ELEVATION]
-    lowest, highest = scan.elevation_range
-    outside = max(elevation - highest, lowest - elevation) > scan.beamwidth[1] / 2
-    azimuth_variance = more.covariance[AZIMUTH - PARAMETERS, AZIMUTH - PARAMETERS]
-    unknown_azimuth = azimuth_variance > (scan.beamwidth[0] / 2) ** 2
-    if unknown_azimuth or outside or _separation(more.paths, scan) < MIN_SEPARATION:
-        return None
-    power = more.paths[:, LEVEL] * 2 + np.log(10) / 10 * _gains(more.paths, scan).max(axis=1)
-    return more if (np.exp(power) > scan.threshold[scan.recorded].min()).all() else None
+    return more if _separation(more.paths, scan) >= MIN_SEPARATION else None
+
+
+def _listed(fit: JointFit, scan: Scan) -> NDArray[np.bool_]:
+    """Whether each path (path,) is an MPC: above the threshold, in the main lobe of a beam, of known azimuth.
+
+    Others, such as a ground reflection below the fan, are fitted because they disturb the rest.
+    """
+    power = fit.paths[:, LEVEL] * 2 + np.log(10) / 10 * _gains(fit.paths, scan).max(axis=1)
+    lowest, highest = scan.elevation_range + scan.beamwidth[1] / 2 * np.array([-1, 1])
+    inside = (fit.paths[:, ELEVATION] >= lowest) & (fit.paths[:, ELEVATION] <= highest)
+    azimuth_variance = np.diag(fit.covariance)[AZIMUTH::PARAMETERS]
+    known_azimuth = azimuth_variance <= (scan.beamwidth[0] / 2) ** 2
+    listed: NDArray[np.bool_] = (np.exp(power) > scan.threshold[scan.recorded].min()) & inside & known_azimuth
+    return listed
 
 
 def _separation(paths: Real, scan: Scan) -> float:
     """Least distance of two paths, in beamwidths or delay cells."""
     distance = (paths[:, None] - paths)[..., [AZIMUTH, ELEVATION, DELAY]] / np.append(scan.beamwidth, DELAY_CELL)
-    return float(np.linalg.norm(distance, axis=-1)[np.triu_indices(len(paths), 1)].min())
+    return float(np.linalg.norm(distance, axis=-1)[np.triu_indices(len(paths), 1)].min(initial=np.inf))
 
 
 def _candidate(known: JointFit, beams: BeamSamples, window: WindowPulse, scan: Scan) -> Real | None:

@@ -12,6 +12,8 @@ from sounder.mpc.directions import DB_PER_NEPER
 from sounder.mpc.scan import Scan
 from sounder.mpc.stated import stated_variance
 
+LARGEST_STD = np.array([np.inf, 180.0, 90.0, np.inf]) / np.sqrt(3)
+"""Standard deviations of azimuths and elevations of which nothing is known: they are uniform [degree]."""
 WRAPPED_FLAGS = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "within_one_period may_be_a_period_longer"}
 """Attributes of the CF conventions for ``may_be_wrapped``."""
 
@@ -66,6 +68,8 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
     covariance[:, 0, 0] += clock
     covariance[:, range(4), range(4)] += stated_variance(scan.sounder, delay)
     covariance[:, 1:, 1:] += pattern
+    least_known = np.minimum(1.0, LARGEST_STD / np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300)))
+    covariance *= least_known[:, :, None] * least_known[:, None, :]
     if not several_elevations:
         covariance[:, 2, :] = covariance[:, :, 2] = np.nan
     values = {

@@ -54,7 +54,7 @@ def variance_inflation(found: Paths, power: Real, group: Integers, residual: Res
     With `overlap_inflation` ``v`` for the paths found, `scatter` ``q`` and `unresolved_power` ``u`` over the noise
     ``N``, that of the delay is ``v max(1, q) + u / N``, that of the magnitudes, whose fit counts the power ``m N`` as
     noise (its residual, or the error of the pattern), ``v + u / (N m)``. The delays of a group are fitted with the
-    magnitudes: ``v max(1, q / m) + u / (N m)``.
+    magnitudes, and ``q`` is of the residual that cancellation left before that: ``v + u / (N m)``.
 
     Parameters
     ----------
@@ -77,7 +77,8 @@ def variance_inflation(found: Paths, power: Real, group: Integers, residual: Res
     scattered = np.ones(len(found)) if residual is None else scatter(found, power, residual, scan)
     counted = np.fmax(1.0, found["misfit"])
     of_delay = np.where(group >= 0, counted, 1.0)
-    delay = inflation[:, 0] * np.fmax(1.0, scattered / of_delay) + excess / of_delay
+    scattered[group >= 0] = 1.0
+    delay = inflation[:, 0] * np.fmax(1.0, scattered) + excess / of_delay
     return np.stack([delay, inflation[:, 1] + excess / counted], axis=1)
 
 

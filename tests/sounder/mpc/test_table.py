@@ -63,7 +63,7 @@ def test_misfit_tells_two_paths_in_one_from_one(bench):
     # 9 magnitudes less 3 unknowns, and 5 samples less what is fitted to them: the mean of 30 is good to some 15 %
     assert 0.5 < np.mean(one) < 1.3
     assert np.median(np.array(two)[~np.array(split)]) > 5  # of those that are not split: the others fit
-    assert np.mean(np.array(two) > max(one)) > 0.7
+    assert np.mean((np.array(two) > max(one)) | split) > 0.7
 
 
 def test_only_what_free_space_allows_later_may_be_wrapped(bench):
