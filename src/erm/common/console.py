@@ -226,15 +226,18 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
     figure = drawn.get_figure(root=True)
     if figure is None:
         raise DataError(f"{path}: axes without a figure cannot be saved")
+    content = io.BytesIO()  # matplotlib fails in many ways where it cannot write
     # parts of an SVG have random names without a salt
     with atomic_path(path) as temporary, rc_context({"svg.hashsalt": path.name}):
         try:
             box = (
                 "tight" if figure.get_layout_engine() else figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
             )
-            figure.savefig(temporary, dpi=160, bbox_inches=box, metadata=UNDATED.get(path.suffix.lower()))
+            suffix = path.suffix.lower()
+            figure.savefig(content, format=suffix[1:], dpi=160, bbox_inches=box, metadata=UNDATED.get(suffix))
         except ValueError as error:
             raise DataError(f"{path}: {error}") from None
+        temporary.write_bytes(content.getvalue())
 
 
 @contextmanager

@@ -125,6 +125,22 @@ def test_a_figure_is_saved_whole_or_told(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of files")
+def test_a_figure_on_a_full_disk_is_one_line_and_no_file(tmp_path):
+    import resource
+
+    figure = Figure()
+    figure.add_subplot()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(DataError, match=r"x\.pdf: cannot be written \(File too large\); is the disk full"):
+            console.save_figure(figure, tmp_path / "x.pdf")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_a_figure_saved_twice_is_the_same_bytes_without_a_date(tmp_path, suffix):
