@@ -156,7 +156,7 @@ def check_repetitions(scan: Scan) -> None:
 def check_spectra(scan: Scan) -> None:
     """Directions with a spectral line that no channel has."""
     known = np.argwhere(np.isfinite(scan.noise) & (scan.noise > 0))
-    line, bound = spectral_lines(scan.responses[tuple(known.T)], scan.deembedding)
+    line, bound = spectral_lines(scan.responses[tuple(known.T)], scan.noise[tuple(known.T)], scan.deembedding)
     for k in np.flatnonzero(line > bound):
         a, e = known[k]
         scan.remark(Code.TONE, a, e, line[k], bound)

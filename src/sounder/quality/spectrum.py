@@ -17,16 +17,19 @@ KEPT = 0.03
 
 
 def spectral_lines(
-    responses: NDArray[np.complexfloating], deembedding: Deembedding
+    responses: NDArray[np.complexfloating], level: NDArray[np.float64], deembedding: Deembedding
 ) -> tuple[NDArray[np.float64], float]:
     """Strongest spectral line of each direction, and the bound for a channel.
 
     The transfer function of many paths is a complex Gaussian process, and so is noise: the power of a line is
-    exponential about the mean of its surroundings. A few strong paths vary less.
+    exponential about the mean of its surroundings. A few strong paths vary less. De-embedding shapes noise, by a factor
+    of ten and more: the spectrum is taken relative to noise of that shape and a flat channel.
 
     Parameters
     ----------
     responses : array complex (direction, sample)
+    level : array (direction,)
+        Mean noise power of a sample.
     deembedding : Deembedding
         Its weight is divided out.
 
@@ -45,8 +48,10 @@ def spectral_lines(
     if not inside.size or not len(responses):
         return np.full(len(responses), -np.inf), 0.0
     power = np.abs(np.fft.fft(responses)[:, inside] / deembedding.weight[inside]) ** 2
-    power[:, inside == 0] = 0  # not measured
-    blocks = power.reshape(len(power), -1, block)
+    noise = np.outer(size * level, deembedding.noise[inside] / deembedding.weight[inside] ** 2)
+    expected = noise + np.maximum(power.mean(axis=1) - noise.mean(axis=1), 0)[:, None]
+    expected[:, inside == 0] = np.inf  # not measured
+    blocks = (power / expected).reshape(len(power), -1, block)
     line = np.max(blocks.max(axis=-1) / np.median(blocks, axis=-1), axis=-1)
     return 10 * np.log10(line), 10 * float(np.log10(line_bound(inside.size * len(responses), block)))
 
