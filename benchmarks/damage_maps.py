@@ -4,13 +4,13 @@ The damage of `benchmarks/damage.py` in every position of random rooms and stree
 ten, at random or the strongest ones: what is told, MPCs, and maps. What was measured is kept, a line a row and world,
 and not measured again.
 
-    python benchmarks/damage_maps.py RESULTS.jsonl [worlds] [parts of names of rows...]
+    python benchmarks/damage_maps.py RESULTS.jsonl [--worlds 10] [--seed 0] [parts of names of rows...]
 """
 
 import pools  # isort: skip  # noqa: F401
 
+import argparse
 import json
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -70,11 +70,16 @@ def measured(name: str, world: World, made: list[Draw]) -> dict[str, Any]:
 
 
 def main() -> None:
-    results, worlds = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 10
-    parts = sys.argv[3:] or [""]
-    wanted = ["clean", *(name for name in ROWS[1:] if any(part in name for part in parts))]
+    parser = argparse.ArgumentParser()
+    parser.add_argument("results", type=Path)
+    parser.add_argument("rows", nargs="*", default=[""])
+    parser.add_argument("--worlds", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    results, seeds = options.results, range(options.seed, options.seed + options.worlds)
+    wanted = ["clean", *(name for name in ROWS[1:] if any(part in name for part in options.rows))]
     have = [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
-    for seed in range(worlds):
+    for seed in seeds:
         missing = [name for name in wanted if not any(one["row"] == name and one["seed"] == seed for one in have)]
         world, made = campaign(seed) if missing else (None, [])
         for name in missing:
@@ -87,7 +92,7 @@ def main() -> None:
     )
     ratios = []
     for name in wanted:
-        rows = [one for one in have if one["row"] == name and one["seed"] < worlds]
+        rows = [one for one in have if one["row"] == name and one["seed"] in seeds]
         n = {key: sum(one[key] for one in rows) for key in rows[0] if key not in ("row", "map_missed", "map_offsets")}
         offsets = np.array([offset for one in rows for offset in one["map_offsets"]])
         rms = 1e3 * np.sqrt(np.mean(offsets**2)) if offsets.size else np.nan

@@ -195,7 +195,7 @@ def lost_samples(delays: Delays, order: Integers) -> tuple[int, int]:
     return found
 
 
-def slips(delays: Delays, beams: int) -> Integers:
+def slips(delays: Delays, beams: int, elevations: int) -> Integers:
     """Delay (beam,) of each beam against the others [sample]; 0 unless it has slipped by a whole number of samples.
 
     The delay of a path is the median over its beams. A path counts for a beam if most other beams that see it agree; of
@@ -203,7 +203,8 @@ def slips(delays: Delays, beams: int) -> Integers:
     about them, must not contradict it. A slip by more than a sample must show in as many paths. Two paths that are not
     resolved seldom look like one that is off by a whole sample: the power of both is between their delays. Sidelobes
     show one path alone; in main lobes there may be two: if no beam has slipped that sees a path through its sidelobes,
-    two thirds of those that are off, and at least three, must be off by whole samples.
+    two thirds of those that are off, and at least three, must be off by whole samples. Where three or more beams of one
+    elevation in the main lobe of a path are off by the same, and no others are, they see a reflection off the ground.
     """
     off, agree, sure = _against_others(delays, beams)
     shifts, far = np.zeros(beams, np.int64), np.zeros(beams, bool)
@@ -217,6 +218,11 @@ def slips(delays: Delays, beams: int) -> Integers:
         fits = np.abs(off[own] - shift) < delays.tolerance[own]
         if fits.sum() >= np.abs(shift) and agree[own][fits].sum() >= MOVED * agree[own].sum():
             shifts[beam], far[beam] = shift, delays.far[best]
+    for path in np.unique(delays.path):
+        lobe = np.unique(delays.beam[sure & (delays.path == path) & ~delays.far])
+        alike = lobe[shifts[lobe] != 0]
+        if alike.size >= MIN_BEAMS and np.ptp(shifts[alike]) == 0 and np.ptp(alike % elevations) == 0:
+            shifts[alike] = 0
     moved = np.count_nonzero(shifts)
     if not shifts[far].any() and (moved < MIN_BEAMS or 3 * moved <= 2 * suspects.size):
         shifts[:] = 0

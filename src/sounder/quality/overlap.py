@@ -53,7 +53,7 @@ def check_overlaps(scan: Scan) -> None:
     shifted = np.zeros(beams, np.int64)
     against = np.zeros(beams)
     for _ in range(ROUNDS):
-        shifts = slips(measure_delays(snr, paths, near, CLOSE, strict=True), beams)
+        shifts = slips(measure_delays(snr, paths, near, CLOSE, strict=True), beams, recording.elevation.size)
         if not shifts.any():
             against = contradictions(paths, snr)
             shifts = _reconciling_shifts(snr, near, against)

@@ -29,7 +29,7 @@ def test_nothing_is_found_in_clean_delays():
     for seed in range(20):
         clean = delays(seed, np.zeros(BEAMS))
         assert lost_samples(clean, ORDER) == (0, 0)
-        assert not slips(clean, BEAMS).any()
+        assert not slips(clean, BEAMS, 3).any()
         drift, bound = clock_drift(clean, ORDER)
         assert abs(drift) < bound
 
@@ -45,7 +45,7 @@ def test_beams_that_slipped_by_whole_samples_are_found():
     offset = np.zeros(BEAMS)
     slipped = np.unique(delays(2, offset).beam)[::9]
     offset[slipped] = np.resize([1, -1, 1], slipped.size)
-    np.testing.assert_array_equal(slips(delays(2, offset), BEAMS), offset)
+    np.testing.assert_array_equal(slips(delays(2, offset), BEAMS, 3), offset)
 
 
 def test_beams_between_two_paths_are_not_slipped():
@@ -53,7 +53,18 @@ def test_beams_between_two_paths_are_not_slipped():
     offset = np.zeros(BEAMS)
     moved = np.unique(delays(2, offset).beam)[::9]
     offset[moved] = np.linspace(0.5, 1.5, moved.size)
-    assert not slips(delays(2, offset), BEAMS).any()
+    assert not slips(delays(2, offset), BEAMS, 3).any()
+
+
+def test_the_lower_beams_that_see_a_reflection_off_the_ground_are_not_slipped():
+    clean = delays(2, np.zeros(BEAMS))
+    low = np.unique(clean.beam[(clean.path == 0) & (clean.beam % 3 == 0)])
+    offset = np.zeros(BEAMS)
+    offset[low] = 1.0
+    assert low.size == 5
+    assert not slips(delays(2, offset), BEAMS, 3).any()
+    offset[low[::2]] = -1.0  # no reflection does this
+    assert slips(delays(2, offset), BEAMS, 3)[low].tolist()[:4] == [-1, 1, -1, 1]
 
 
 def test_the_drift_of_a_clock_is_measured_beside_a_slip():
