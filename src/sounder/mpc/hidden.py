@@ -1,6 +1,9 @@
 """Paths from directions that were not recorded: what other beams see of them is no path of its own."""
 
+from typing import NamedTuple
+
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from sounder.kernels.extraction.records import ARRIVAL
@@ -8,27 +11,36 @@ from sounder.kernels.extraction.sidelobe_check import FAR_BEAM_DISTANCE
 from sounder.mpc.directions import wrap
 from sounder.mpc.scan import Scan
 
+Real = NDArray[np.float64]
 Paths = NDArray[np.record]
-Mask = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 
-def stand_out(found: Paths, scan: Scan) -> Mask:
-    """Whether the direction of each path (mpc,) is known, though a stronger path may come from a missing direction.
+class Ambiguity(NamedTuple):
+    """Which paths have a known direction (mpc,), and how far off in azimuth [degree] and gain [dB] they may be."""
+
+    known: NDArray[np.bool_]
+    azimuth: Real
+    gain: Real
+
+
+def ambiguity(found: Paths, scan: Scan) -> Ambiguity:
+    """Whether the directions of paths are known, though stronger paths may come from missing directions.
 
     A path that is in the main lobe of no recorded beam enters all of them through their sidelobes, which the pattern
     describes within a margin: a peak that does not exceed the median of the far beams by that margin may be one of
-    its sidelobes. The beams beside the missing ones see its flank. Where the next two beams on one side of a path's are
-    missing it may come from there, unless those on the other side see it as clearly; one beyond the edge of the fan may
-    come from any beam that is missing on the inner side.
+    its sidelobes. The beams beside the missing ones see its flank. Where the next azimuth on one side of a path's beam
+    is missing, the path may come from there, unless the next on the other side sees no less of it than of a path
+    half-way to the missing one: azimuth and gain may be off by as much. Where the one after it is missing too, or all
+    elevations above or below, or for a path beyond the edge of the fan any of these, the direction is not known.
     """
     beams, view = scan.arrival, scan.arrival.view(end=ARRIVAL, stride=1)
-    known = np.ones(len(found), bool)
+    result = Ambiguity(np.ones(len(found), bool), np.zeros(len(found)), np.zeros(len(found)))
     if not beams.pattern.directive:
-        return known
+        return result
     azimuth, margin = beams.directions[:, 0], scan.pattern_margin**2
     fan = scan.elevation.min() - scan.beamwidth[1] / 2, scan.elevation.max() + scan.beamwidth[1] / 2
-    outside = (found["elevation"] < fan[0]) | (found["elevation"] > fan[1])
+    step = float(np.diff(scan.azimuth).min()) if scan.azimuth.size > 1 else 0.0
+    loss = beams.pattern.relative_gain(np.array([0.5, 1.0, 1.5]) * step, np.zeros(3))
     for p, path in enumerate(found):
         departure, own = divmod(int(path["beam"]), beams.size)
         links = departure * beams.size + np.arange(beams.size)
@@ -36,28 +48,35 @@ def stand_out(found: Paths, scan: Scan) -> Mask:
         sample = int(np.floor(path["delay"] + 0.5)) % scan.period
         power = np.where(recorded, np.abs(scan.cir[links, sample]) ** 2, 0.0)
         far = recorded & (np.abs(wrap(azimuth - azimuth[own])) > FAR_BEAM_DISTANCE * view.azimuth_reach)
-        level = float(np.median((power - noise)[far])) if far.any() else 0.0
-        known[p] = (path["amplitude"] * path["beam_gain"]) ** 2 > margin * level
-        for sides in _sides(own, scan, full_circle=view.full_circle):
-            missing = [~recorded[side] for side in sides]
-            hidden = any(gone.all() for gone in missing) or (outside[p] and any(gone.any() for gone in missing))
-            if hidden:
-                seen = max(power[side].max() for side in sides)
-                known[p] &= not outside[p] and len(sides) > 1 and seen > margin * max(level, noise[own])
-    return known
+        level = max(float(np.median((power - noise)[far])) if far.any() else 0.0, 0.0)
+        known = (path["amplitude"] * path["beam_gain"]) ** 2 > margin * level
+        sides, column = _around(own, scan, full_circle=view.full_circle)
+        seen = max(power[side[0]] for side in sides) if sides else 0.0
+        clear = len(sides) > 1 and seen > margin * max(level, noise[own])
+        for side in sides:
+            known &= bool(recorded[side].any())
+            if not recorded[side[0]] and not (clear and seen > 10 ** ((loss[2] - loss[0]) / 10) * power[own]):
+                result.azimuth[p] = wrap(azimuth[side[0]] - path["azimuth"])
+                result.gain[p] = -loss[1]
+        missing = [~recorded[side] for side in column if side]
+        outside = not fan[0] <= path["elevation"] <= fan[1]
+        result.known[p] = known and not any(gone.all() or (gone.any() and outside) for gone in missing)
+    return result
 
 
-def _sides(beam: int, scan: Scan, *, full_circle: bool) -> list[list[Integers]]:
-    """The next two beams of the scan on either side of a beam, in azimuth and in elevation; without sides beyond."""
+def widen(table: xr.Dataset, found: Ambiguity) -> None:
+    """Add what azimuth and gain may be off to their standard deviations and covariance."""
+    for name, index, off in (("azimuth", 1, found.azimuth), ("path_gain", 3, found.gain)):
+        table[f"{name}_std"].values[:] = np.hypot(table[f"{name}_std"].values, off)
+        table["covariance"].values[:, index, index] += off**2
+
+
+def _around(beam: int, scan: Scan, *, full_circle: bool) -> tuple[list[list[int]], tuple[list[int], list[int]]]:
+    """The next two beams on either side of a beam in azimuth, the nearer first; all below and all above it."""
     azimuths, elevations = scan.azimuth.size, scan.elevation.size
     a, e = divmod(beam, elevations)
-    steps = np.array([-2, -1]), np.array([1, 2])
-    columns = [(a + step) % azimuths if full_circle else (a + step)[_within(a + step, azimuths)] for step in steps]
-    rows = [(e + step)[_within(e + step, elevations)] for step in steps]
-    of_azimuth = [column * elevations + e for column in columns if column.size]
-    return [of_azimuth, [a * elevations + row for row in rows if row.size]]
-
-
-def _within(number: Integers, count: int) -> Mask:
-    inside: Mask = (number >= 0) & (number < count)
-    return inside
+    columns = [[a + sign * step for step in (1, 2)] for sign in (-1, 1)]
+    inside = [[column % azimuths for column in side if full_circle or 0 <= column < azimuths] for side in columns]
+    sides = [[column * elevations + e for column in side] for side in inside if side]
+    first = a * elevations
+    return sides, (list(range(first, first + e)), list(range(first + e + 1, first + elevations)))

@@ -34,3 +34,13 @@ def test_a_path_is_listed_where_one_beam_is_missing(bench, scan):
     assert table.sizes["mpc"] == 2
     [gain] = near(table, STRONG)["path_gain"].values
     np.testing.assert_allclose(gain, STRONG[0], atol=1.0)
+
+
+def test_the_azimuth_beside_a_missing_beam_is_as_vague_as_the_beams_leave_it(bench, scan):
+    """A path 4 degree from its beam toward the missing one is seen by no other beam of its elevation."""
+    weak = (-115.0, 300e-9, 204.0, 0.0)
+    noisy = bench.scan([weak], noise=-115.0)
+    [whole] = mpcs(bench, [], scan=noisy)["azimuth_std"].values
+    [vague] = mpcs(bench, [], scan=without(noisy, [210], [-9, 0, 9]))["azimuth_std"].values
+    assert whole < 1.0
+    assert 3.0 < vague < 10.0
