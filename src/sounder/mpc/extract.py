@@ -15,7 +15,7 @@ from sounder.mpc.clock import clock_variance, scan_order
 from sounder.mpc.common_delays import refine_delays
 from sounder.mpc.departures import with_departures
 from sounder.mpc.elevation_gain import with_elevation_gain
-from sounder.mpc.hidden import Ambiguity, ambiguity, widen
+from sounder.mpc.hidden import ambiguity, widen
 from sounder.mpc.joint import refine_jointly
 from sounder.mpc.scan import Scan
 from sounder.mpc.single_thread import single_thread
@@ -144,7 +144,7 @@ def extract_mpcs(
     errors = {"inflation": inflation, "clock": clock, "pattern": pattern[ARRIVAL]}
     of_located = {name: values[located] for name, values in errors.items()}
     table = tabulate(found[located], scan, distance, **of_located)
-    widen(table, Ambiguity(*(values[located] for values in doubtful)))
+    widen(table, doubtful.azimuth[located], doubtful.gain[located])
     table = with_elevation_gain(table, scan.directions, scan.pattern)
     if scan.departure.size > 1:
         seen = _located(departure, departure["beam_gain"], scan.departure)[located]

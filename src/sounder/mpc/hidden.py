@@ -64,9 +64,9 @@ def ambiguity(found: Paths, scan: Scan) -> Ambiguity:
     return result
 
 
-def widen(table: xr.Dataset, found: Ambiguity) -> None:
-    """Add what azimuth and gain may be off to their standard deviations and covariance."""
-    for name, index, off in (("azimuth", 1, found.azimuth), ("path_gain", 3, found.gain)):
+def widen(table: xr.Dataset, azimuth: Real, gain: Real) -> None:
+    """Add what azimuth [degree] and gain [dB] may be off to their standard deviations and covariance."""
+    for name, index, off in (("azimuth", 1, azimuth), ("path_gain", 3, gain)):
         table[f"{name}_std"].values[:] = np.hypot(table[f"{name}_std"].values, off)
         table["covariance"].values[:, index, index] += off**2
 
