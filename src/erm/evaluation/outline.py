@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from erm.geometry.vertical import FloatArray, angle_difference, azimuth_of, reflection_point
 from erm.maps.environment import Environment
-from erm.maps.outline import outline_of
+from erm.maps.outline import faces_of_map
 from erm.mpcs.table import path_length
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ def on_walls(located: "xr.Dataset", environment: Environment) -> "xr.Dataset":
 def evaluate_walls(
     environment: Environment, outline: FloatArray, hits: npt.ArrayLike | None = None, *, min_hits: int = 3
 ) -> dict[str, Any]:
-    """Match the walls of a map to the faces of an outline.
+    """Match the walls and arcs of a map to the faces of an outline; in what follows an arc is a wall, too.
 
     A wall is sampled every `MATCH_SPACING`. A sample matches the nearest face that is parallel to the wall within
     `MATCH_ANGLE`, if it is within `MATCH_DISTANCE`. A wall is false unless more than half of its samples match a face.
@@ -189,7 +189,7 @@ def evaluate_walls(
         ``completeness``, the share of the length of the outline that has a wall, and ``correctness``, the share of the
         length of the walls that lies on a face (`covered_share`); summaries ``angle_error`` [degree] and
         ``offset_error`` [m] of the true walls; ``matches``, the face of each wall, -1 for a false one. The offset error
-        is the distance of the middle of a wall from the line of its face.
+        is the distance of the middle of a wall from the line of its face. Errors are those of straight walls.
 
     Examples
     --------
@@ -201,13 +201,15 @@ def evaluate_walls(
     >>> {name: result[name] for name in ("walls", "false", "found", "missed", "matches")}
     {'walls': 2, 'false': 1, 'found': 1, 'missed': 1, 'matches': [0, -1]}
     """
-    walls = outline_of(environment)
+    walls = faces_of_map(environment)
+    segments = np.concatenate([np.empty((0, 2, 2)), *walls])
     matches: list[int] = []
     angles: list[float] = []
     offsets: list[float] = []
     seen = np.zeros(len(outline), dtype=bool)
     for wall in walls:
-        faces, distances, angle = nearest_parallel_faces(wall, outline, MATCH_SPACING)
+        parts = [nearest_parallel_faces(segment, outline, MATCH_SPACING) for segment in wall]
+        faces, distances = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
         on_face = faces[distances < MATCH_DISTANCE]
         if 2 * len(on_face) <= len(faces):
             matches.append(-1)
@@ -215,17 +217,18 @@ def evaluate_walls(
         seen[on_face] = True
         main = int(np.bincount(on_face).argmax())
         matches.append(main)
-        angles.append(float(angle[main]))
-        middle = point_errors([(wall[0] + wall[1]) / 2], outline[main : main + 1])
-        offsets.append(float(middle.perpendicular[0]))
+        if len(wall) == 1:
+            angles.append(float(parts[0][2][main]))
+            middle = point_errors([wall[0].mean(axis=0)], outline[main : main + 1])
+            offsets.append(float(middle.perpendicular[0]))
     wanted = np.ones(len(outline), dtype=bool) if hits is None else np.asarray(hits) >= min_hits
     return {
         "walls": len(walls),
         "false": matches.count(-1),
         "found": int(np.sum(seen & wanted)),
         "missed": int(np.sum(~seen & wanted)),
-        "completeness": covered_share(outline[wanted], walls),
-        "correctness": covered_share(walls, outline),
+        "completeness": covered_share(outline[wanted], segments),
+        "correctness": covered_share(segments, outline),
         "angle_error": summary(angles),
         "offset_error": summary(offsets),
         "matches": matches,

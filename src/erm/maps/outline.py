@@ -116,13 +116,19 @@ def outline_of(environment: Environment, georeference: Georeference | None = Non
 
     If both ``georeference`` and the environment's own are given, the segments are in the frame of ``georeference``.
     """
-    table = environment.reflectors
-    ends = table["end_points"].values[table["kind"].values == "wall"]
-    for row in np.flatnonzero(table["kind"].values == "arc").tolist():
-        end_points, centre = table["end_points"].values[row], table["centre"].values[row]
-        points = arc_points(end_points, centre, float(table["radius"].values[row]))
-        ends = np.concatenate([ends, np.stack([points[:-1], points[1:]], axis=1)])
+    ends = np.concatenate([np.empty((0, 2, 2)), *faces_of_map(environment)])
     own = environment.georeference
     if own and georeference and own != georeference:
         return georeference.to_local(own.to_geodetic(ends))[..., :2]
     return ends
+
+
+def faces_of_map(environment: Environment) -> list[FloatArray]:
+    """Segments (segment, 2 ends, 2) of each wall, which has one, then of each arc, whose chords they are [m]."""
+    table = environment.reflectors
+    faces = list(table["end_points"].values[table["kind"].values == "wall"][:, None])
+    for row in np.flatnonzero(table["kind"].values == "arc").tolist():
+        end_points, centre = table["end_points"].values[row], table["centre"].values[row]
+        points = arc_points(end_points, centre, float(table["radius"].values[row]))
+        faces.append(np.stack([points[:-1], points[1:]], axis=1))
+    return faces

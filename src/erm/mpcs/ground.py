@@ -36,6 +36,9 @@ def is_ground_companion(table: "xr.Dataset") -> BoolArray:
     ...                                    for name, value in link.items()} | columns))
     >>> is_ground_companion(table).tolist()
     [False, False, True, False]
+    >>> table["delay_std"][:], table["azimuth_std"][:] = 1e-8, 3.0  # the way by the ground is not told from the other
+    >>> is_ground_companion(table).tolist()
+    [False, False, True, False]
     """
     companion = np.zeros(table.sizes["mpc"], dtype=bool)
     if not np.any(table["reason"].values == Reason.GROUND_REFLECTION):
@@ -56,6 +59,7 @@ def is_ground_companion(table: "xr.Dataset") -> BoolArray:
         later = own[:, None]
         late = (length[later] - by_ground[own]) / np.hypot(length_std[later], length_std[own])
         turned = angle_difference(azimuth[later], azimuth[own]) / np.hypot(azimuth_std[later], azimuth_std[own])
-        of_any = (np.hypot(late, turned) < SIGMAS) & (gain[later] <= gain[own])
+        # far away the way by the ground is hardly longer, and a path would be its own companion
+        of_any = (np.hypot(late, turned) < SIGMAS) & (gain[later] <= gain[own]) & (length[later] > length[own])
         companion[own] = of_any.any(axis=1)
     return companion
