@@ -197,12 +197,13 @@ def test_a_declared_coordinate_system_is_that_of_its_library(tmp_path: Path, cod
 
 
 def test_an_arc_is_one_element_of_a_map_whatever_its_chords():
-    place = erm.Environment.walls([[[-30.0, 10.0], [30.0, 10.0]]])
+    place = Environment.walls([[[-30.0, 10.0], [30.0, 10.0]]])
     place = place.with_arcs([[0.0, -20.0], [40.0, 0.0]], [8.0, 5.0], [[45.0, 135.0], [170.0, 190.0]])
     outline = outline_of(place)
-    right = place.reflectors.isel(reflector=[0, 1])
-    result = erm.evaluate_walls(erm.Environment(right), outline)
-    assert (result["walls"], result["false"], result["correctness"]) == (2, 0, 1.0)
-    assert result["completeness"] == pytest.approx(1 - 5 * np.deg2rad(20) / (60 + 8 * np.pi / 2 + 5 * np.deg2rad(20)), abs=0.002)
-    moved = erm.Environment.empty().with_arcs([[0.0, -17.0]], [8.0], [[45.0, 135.0]])
-    assert erm.evaluate_walls(moved, outline)["false"] == 1
+    result = evaluate_walls(Environment(place.reflectors.isel(reflector=[0, 1])), outline)
+    assert (result["walls"], result["false"]) == (2, 0)
+    assert result["correctness"] == pytest.approx(1.0)
+    missing, whole = 5 * np.deg2rad(20), 60 + 8 * np.pi / 2 + 5 * np.deg2rad(20)
+    assert result["completeness"] == pytest.approx(1 - missing / whole, abs=0.005)
+    moved = Environment.empty().with_arcs([[0.0, -17.0]], [8.0], [[45.0, 135.0]])
+    assert evaluate_walls(moved, outline)["false"] == 1
