@@ -18,7 +18,7 @@ from typing import get_args
 import campaign
 import numpy as np
 import scipy.fft
-from routes import fft_routes
+from routes import Blocks, fft_routes
 
 from sounder.cir.impulse_response import calibrate, impulse_responses
 from sounder.instrument.waveform import held_template
@@ -50,25 +50,24 @@ def script(recording: Recording, averaging: Averaging) -> None:
 
 
 def transforms(recording: Recording) -> tuple[str, Callable[[], None]]:
-    """Transform every capture forward and backward by the fastest library that is installed."""
-    template = held_template(recording.sounder.waveform)
-    routes = fft_routes(template)
-    name = next((each for each in routes if each.startswith("MKL")), next(iter(routes)))
-    route = routes[name]
-    row = route.block
-    row[:] = np.random.default_rng(1).standard_normal(row.shape)
+    """Transform every capture forward and backward by the fastest library and length that is installed."""
 
-    def run() -> None:
-        for _ in range(SNAPSHOTS * 108 // len(row)):
-            route.inverse(route.forward(row))
+    def both(route: Blocks, captures: int = SNAPSHOTS * 108) -> None:
+        for _ in range(captures // len(route.block)):
+            route.inverse(route.forward(route.block))
 
-    return f"{TRANSFORMS}, {name}", run
+    routes = fft_routes(held_template(recording.sounder.waveform))
+    for route in routes.values():
+        route.block[:] = np.random.default_rng(1).standard_normal(route.block.shape)
+    times = interleaved({name: partial(both, route, 1000) for name, route in routes.items()}, at_least=0.0)
+    name = min(times, key=lambda name: times[name].processor)
+    return f"{TRANSFORMS}, {name}", partial(both, routes[name])
 
 
 def main() -> None:
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 3
     with tempfile.TemporaryDirectory() as folder:
-        path = campaign.write_recording(Path(folder), "RX", SNAPSHOTS)
+        path = campaign.write_recording(Path(folder), "RX", SNAPSHOTS, distinct=SNAPSHOTS)
         jobs, _ = gather([path], calibration=campaign.write_calibration(Path(folder)))
         recording = jobs[0].recording
         filter_ = calibrate(jobs[0].b2b, recording)

@@ -134,10 +134,10 @@ class FftwBlocks(Blocks):
         return self._planned(len(spectra))[1]()
 
 
-def fft_routes(template: Template) -> dict[str, Route]:
+def fft_routes(template: Template) -> dict[str, Blocks]:
     """Make every FFT route whose library is installed: at the period's own length, and padded and folded."""
     padded = 1 << (2 * template.size - 1).bit_length()
-    made: dict[str, Route] = {}
+    made: dict[str, Blocks] = {}
     for name, make in (("scipy.fft", scipy_blocks), ("MKL", mkl_blocks), ("FFTW", FftwBlocks)):
         for length in (template.size, padded):
             try:

@@ -10,8 +10,9 @@ from sounder.cir.transforms import fast_length, fastest_transforms
 from sounder.kernels.correlation import response_power
 from sounder.kernels.correlation.captures import Captures, flat_captures
 
-ROWS_BYTES = 2**18
-"""Size of the rows that are transformed at a time: with their spectra they fit the second-level cache."""
+ROWS_BYTES = 2**19
+"""Size of the rows that are transformed at a time. With their spectra they fit the second-level cache of a server, and
+calls cost little: half as many rows take a tenth longer, twice as many no less."""
 
 Complex = NDArray[np.complex128]
 
