@@ -226,9 +226,9 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(made, copied, monkeypatch,
         assert run("run", copied / "street.toml") == 130
     assert names(copied / "street") == ["products"]
     # what a process that was killed while it wrote would have left
-    left = [copied / "street" / name for name in ("products/.RX2.h5.0123abcd.part.h5", ".mpcs.csv.0123abcd.part.csv")]
-    for path in left:
-        path.write_text("half")
+    for folder in ("products/.RX2.h5.0123abcd.part", ".mpcs.csv.0123abcd.part"):
+        (copied / "street" / folder).mkdir()
+        (copied / "street" / folder / "half").write_text("half")
     capsys.readouterr()
     assert run("run", copied / "street.toml") == 0
     assert "2 products; 1 of 2 positions kept from an earlier run" in capsys.readouterr().out
