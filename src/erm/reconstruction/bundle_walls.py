@@ -148,9 +148,12 @@ class _Problem:
         self.usable = measured.take(fits_vertical_wall(table) & ~np.isin(table["reason"].values, neither))
 
     def bent(self) -> BentPaths | None:
-        """Paths off the curved faces."""
+        """Paths off the curved faces; none before walls have shown where receivers stood.
+
+        Until then pillars are taken for larger concave faces, which agree with what is wrong.
+        """
         faces = self.curved.faces
-        if not faces:
+        if not faces or (self.positions.inexact and self.positions.adjusted is None):
             return None
         paths = self.measured.take(self.curved.rows)
         return BentPaths(
@@ -162,6 +165,8 @@ class _Problem:
 
     def fitted(self, found: Bundle, positions: PositionErrors) -> Curved:
         """Curved faces as they were adjusted; one that some path no longer meets stays as it was."""
+        if not len(found.cylinders):
+            return self.curved
         faces = []
         for face, shape, covariance in zip(self.curved.faces, found.cylinders, found.cylinder_covariance, strict=True):
             own = self.without_errors(self.measured.take(self.curved.paths.row[face.inliers]), positions)

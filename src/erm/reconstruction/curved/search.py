@@ -23,6 +23,8 @@ PRIOR_DENSITY = 1e-3
 RADII = (0.05, 300.0)
 """Radii that are considered [m], equally likely per octave: from a lamp post to a facade that bends by a degree in 5 m.
 Chosen; not derived."""
+THINNEST = float(np.nextafter(RADII[0], RADII[1]))
+"""Radius of a pole that comes out thinner [m]."""
 MIN_PATHS = 4
 """Fewest links of a cylinder: two paths have four values for its three parameters, the third and fourth confirm."""
 MAX_SEEDS = 600
@@ -171,6 +173,8 @@ class CylinderSearch:
             kept = np.array(list(left.values()))
             inliers = inliers.take(kept)
             parameters, covariance = fit(inliers, parameters[kept])
+            # a pole so thin that its radius is 0 within its error may come out thinner than any
+            parameters[np.abs(parameters[:, 2]) <= RADII[0], 2] = THINNEST
             possible = _is_possible(parameters[:, 2])
             parameters, covariance = parameters[possible], covariance[possible]
             before = list(compress(left, possible))
