@@ -229,14 +229,23 @@ def slips(delays: Delays, beams: int, elevations: int) -> Integers:
     return shifts
 
 
-def unsettled(delays: Delays, beams: int) -> Real:
-    """How far beams (beam,) are off the path about which most others agree, if they agree about none [sample]."""
+def unsettled(delays: Delays, beams: int, elevations: int) -> Real:
+    """How far beams (beam,) are off the path about which most others agree, if they agree about none [sample].
+
+    Not those of one elevation that are off in one direction: they see a reflection off the ground.
+    """
     off, agree, sure = _against_others(delays, beams)
     figure = np.zeros(beams)
     for beam in np.unique(delays.beam[sure]):
         own = np.flatnonzero(sure & (delays.beam == beam))
         if (np.abs(off[own]) > 0.5).all():
             figure[beam] = off[own[np.argmax(agree[own])]]
+    for path in np.unique(delays.path):
+        lobe = np.unique(delays.beam[sure & (delays.path == path) & ~delays.far])
+        for sign in (-1, 1):
+            alike = lobe[sign * figure[lobe] > 0]
+            if alike.size >= MIN_BEAMS and np.ptp(alike % elevations) == 0:
+                figure[alike] = 0
     return figure
 
 

@@ -65,7 +65,7 @@ def check_overlaps(scan: Scan) -> None:
         snr = scan.snr
         paths = find_paths(snr, near)
     if shifted.any():  # where some have slipped others may have, which would not be certain alone
-        off = unsettled(measure_delays(snr, paths, near, CLOSE, strict=False), beams)
+        off = unsettled(measure_delays(snr, paths, near, CLOSE, strict=False), beams, recording.elevation.size)
         for beam in np.flatnonzero((off != 0) & (against == 0)):
             scan.remark(Code.UNSETTLED, *scan.place(int(beam)), off[beam], 0.5)
         shifted[off != 0] = 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sounder.quality.delays import Delays, clock_drift, lost_samples, slips
+from sounder.quality.delays import Delays, clock_drift, lost_samples, slips, unsettled
 
 BEAMS, PATHS, SEEN = 108, 12, 15
 ORDER = np.arange(BEAMS).reshape(3, 36).T.ravel()  # beams are azimuth-major, the scan covers an elevation at a time
@@ -63,6 +63,7 @@ def test_the_lower_beams_that_see_a_reflection_off_the_ground_are_not_slipped():
     offset[low] = 1.0
     assert low.size == 5
     assert not slips(delays(2, offset), BEAMS, 3).any()
+    assert not unsettled(delays(2, offset), BEAMS, 3)[low].any()
     offset[low[::2]] = -1.0  # no reflection does this
     assert slips(delays(2, offset), BEAMS, 3)[low].tolist()[:4] == [-1, 1, -1, 1]
 
