@@ -28,7 +28,7 @@ from erm.reconstruction.model.line import Line, Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.false_alarm import log_odds_against_false_alarm
+from erm.reconstruction.search.false_alarm import evidence
 from erm.survey.bundle import Bundle, adjust, by_error
 from erm.survey.positions import PositionErrors
 from erm.survey.residuals import CLOCK, HEADING, BentPaths, Faces, MeasuredPaths
@@ -131,7 +131,7 @@ def _are_certain(walls: Sequence[Wall]) -> BoolArray:
 
     Three paths whose positions are uncertain agree on some line by chance, and nothing contradicts it.
     """
-    return log_odds_against_false_alarm(walls, [True] * len(walls)) > THOUSAND_TO_ONE
+    return evidence(walls).total > THOUSAND_TO_ONE
 
 
 class _Problem:

@@ -6,24 +6,24 @@ then has a wrong delay in the table; only geometry can show whether it has.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from erm.common.constants import c
-from erm.common.odds import THOUSAND_TO_ONE
+from erm.common.odds import THOUSAND_TO_ONE, TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.elevation import gain_at_elevation, vertical_face_elevation
 from erm.mpcs.faces import FACE_COLUMNS, with_faces
 from erm.mpcs.selection import MAX_GAIN_EXCESS, fits_vertical_wall, reflection_loss
 from erm.mpcs.table import path_length
-from erm.reconstruction.decision.decide import MIN_WEAK_LOG_ODDS
 from erm.reconstruction.model.fit import fit_line, misfit
 from erm.reconstruction.model.line import Line, seed_line
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.false_alarm import log_odds_against_false_alarm
+from erm.reconstruction.search.false_alarm import evidence, log_odds_at_best
 from erm.reconstruction.search.greedy import Group
 from erm.reconstruction.search.search import add_uncertain_paths
 
@@ -62,15 +62,14 @@ def add_wrapped_paths(
     free = free.copy()
     for group in groups:
         free[paths.row[group.inliers]] = False
-    wrapped, row = _hypotheses(table, free)
+    wrapped, hypotheses = _hypotheses(table, measured, free)
     count = len(paths)
-    if len(row) < min_support:
+    if len(hypotheses) < min_support:
         return paths, groups, wrapped.isel(mpc=slice(0))
-    hypotheses = replace(Paths.from_table(wrapped), row=row, transmitter=measured.transmitter[row])
     both = Paths.concatenate([measured.take(paths.row), hypotheses])
     both, grown = add_uncertain_paths(paths, groups, both, np.arange(count), min_support)
     period = np.r_[np.zeros(count), wrapped["wrap_period"].values * c]
-    groups = _accepted(both, groups, grown, period, min_support)
+    groups = _accepted(both, groups, grown, period)
     inliers = concatenate_rows(group.inliers for group in groups)
     used = np.unique(inliers[inliers >= count])
     kept = np.r_[np.arange(count), used]
@@ -109,15 +108,15 @@ def with_wrapped_delays(
     table = table.assign(periods=("mpc", periods)).assign({name: table[name].copy() for name in CHANGED_COLUMNS})
     for name in CHANGED_COLUMNS:
         table[name].values[rows] = chosen[name].values
-    return table, Paths.from_table(table)
+    return table, Paths.from_table(table, measured.clutter)
 
 
-def _hypotheses(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", IntArray]:
+def _hypotheses(table: "xr.Dataset", measured: Paths, free: BoolArray) -> tuple["xr.Dataset", Paths]:
     """Free MPCs as they are if their delays are too short by one or more periods.
 
     Parameters
     ----------
-    table : xarray.Dataset
+    table, measured : xarray.Dataset, Paths
     free : array (mpc,) of bool
 
     Returns
@@ -125,37 +124,35 @@ def _hypotheses(table: "xr.Dataset", free: BoolArray) -> tuple["xr.Dataset", Int
     wrapped : xarray.Dataset
         Columns of the table. An MPC may be there several times, or not at all: a single reflection loses at most
         ``max_reflection_loss``, does not gain, arrives at the elevation of a path of that length, and comes from
-        within the distance at which free space gives the weakest path of the table.
-    row : array (hypothesis,) of int
-        Row of the table of each.
+        within the distance at which free space gives the weakest path of the table. Those are left out that are
+        likelier there by chance, whatever image they may be of.
+    paths : Paths
+        These.
     """
-    import xarray as xr
-
     rows = np.flatnonzero(free & np.isfinite(table["wrap_period"].values))
     # free space gives the weakest path of a table at this distance: nothing is received from beyond
     reach = path_length(table) * 10 ** ((reflection_loss(table) + table["path_gain"].values) / 20)
     weakest = (table["path_gain"] + 2 * table["path_gain_std"]).values.min(initial=np.inf)  # for certain
     reach = float((reach * 10 ** (-weakest / 20)).max(initial=0.0))
     limit = float(table.attrs["max_reflection_loss"])
-    parts, of = [table.isel(mpc=slice(0))], [rows[:0]]
-    while len(rows):
-        longer = table.isel(mpc=rows)
-        longer = longer.assign(delay=longer["delay"] + len(parts) * longer["wrap_period"])
-        gain, std = gain_at_elevation(longer, vertical_face_elevation(longer))
-        loss = reflection_loss(longer) + longer["path_gain"].values - gain
-        # a longer path of this gain would be stronger than free space; none is received from beyond the reach
-        possible = (loss + 2 * std > -MAX_GAIN_EXCESS) & (path_length(longer) < reach)
-        kept = possible & (loss <= limit) & fits_vertical_wall(longer)
-        longer = longer.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
-        parts.append(longer.isel(mpc=np.flatnonzero(kept)))
-        of.append(rows[kept])
-        rows = rows[possible]
-    return with_faces(xr.concat(parts, dim="mpc")), np.concatenate(of)
+    shortest, wrap = path_length(table)[rows], table["wrap_period"].values[rows]
+    count = np.maximum(np.floor((reach - shortest) / (wrap * c)), 0).astype(np.int64)
+    row = np.repeat(rows, count)
+    number = 1 + np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    longer = table.isel(mpc=row)
+    longer = longer.assign(delay=longer["delay"] + number * longer["wrap_period"])
+    gain, std = gain_at_elevation(longer, vertical_face_elevation(longer))
+    loss = reflection_loss(longer) + longer["path_gain"].values - gain
+    # a longer path of this gain would be stronger than free space
+    possible = (loss + 2 * std > -MAX_GAIN_EXCESS) & (loss <= limit) & fits_vertical_wall(longer)
+    longer = longer.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
+    longer, row = longer.isel(mpc=np.flatnonzero(possible)), row[possible]
+    paths = replace(Paths.from_table(longer, measured.clutter[row]), row=row, transmitter=measured.transmitter[row])
+    worth = np.flatnonzero(log_odds_at_best(paths) > 0)
+    return with_faces(longer.isel(mpc=worth)), paths.take(worth)
 
 
-def _accepted(
-    paths: Paths, groups: list[Group], grown: list[Group], period: FloatArray, min_support: int
-) -> list[Group]:
+def _accepted(paths: Paths, groups: list[Group], grown: list[Group], period: FloatArray) -> list[Group]:
     """Groups with the wrapped paths that agree with them, and new groups of wrapped paths.
 
     Parameters
@@ -165,12 +162,10 @@ def _accepted(
     groups : list of Group
         Of the former. They lose none of these paths.
     grown : list of Group
-        Of all paths, searched from ``groups``. A new group of fewer than ``min_support`` paths as measured must have
-        clearly more paths than by chance, and must fit clearly worse with one period more or less: receivers on a line
-        with the image agree on it with any number of periods.
+        Of all paths, searched from ``groups``. A new group must be likelier than chance, and must fit clearly worse
+        with one period more or less: receivers on a line with the image agree on it with any number of periods.
     period : array (path,)
         Of the wrapped paths [m], 0 for the others.
-    min_support : int
     """
     count = np.count_nonzero(period == 0)
     owner = np.full(count, -1)
@@ -192,13 +187,12 @@ def _accepted(
             paths.take(group.inliers), group.line, period[group.inliers]
         ):
             new.append(group)
-    asked = [bool(np.count_nonzero(group.inliers < count) < min_support) for group in new]
-    log_odds = log_odds_against_false_alarm([Wall(paths, group.line, group.inliers) for group in new], asked)
+    likely = evidence([Wall(paths, group.line, group.inliers) for group in new]).total > TWENTY_TO_ONE
     known = [
         group if len(inliers) == len(group.inliers) else Group(fit_line(paths.take(inliers), group.line), inliers)
         for group, inliers in zip(groups, extended, strict=True)
     ]
-    return known + [group for group, own in zip(new, log_odds, strict=True) if own >= MIN_WEAK_LOG_ODDS]
+    return known + list(compress(new, likely))
 
 
 def _is_period_certain(paths: Paths, line: Line, period: FloatArray) -> bool:

@@ -31,6 +31,7 @@ from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.poles.poles import find_poles
 from erm.reconstruction.search.bent_facades import split_bent_facades
 from erm.reconstruction.search.consensus import find_groups
+from erm.reconstruction.search.false_alarm import log_odds_at_best
 from erm.reconstruction.search.greedy import Group
 from erm.reconstruction.search.rough_facades import merge_rough_facades
 from erm.reconstruction.search.search import add_uncertain_paths, search_groups
@@ -121,7 +122,8 @@ def locate_walls(
         Errors that walls, chains and direct paths show.
     """
     measured = Paths.from_table(table)
-    rows = np.flatnonzero(table["accepted"].values)
+    # the others agree with anything
+    rows = np.flatnonzero(table["accepted"].values & (log_odds_at_best(measured) > 0))
     certain = rows[measured.loss[rows] <= table.attrs["max_reflection_loss"]]
     paths, groups = search_groups(
         measured.take(certain),
@@ -208,7 +210,7 @@ def _minor_walls(table: "xr.Dataset", paths: Paths, groups: list[Group]) -> list
     for group in groups:
         free[group.inliers] = False
     rest = paths.take(free)
-    return [Wall(rest, group.line, group.inliers) for group in find_groups(rest, 2)]
+    return [Wall(rest, group.line, group.inliers) for group in find_groups(rest, 2, least_evidence=-np.inf)]
 
 
 def lines_of_sight(table: "xr.Dataset") -> Legs:

@@ -76,4 +76,5 @@ def paths_of(columns, length_std=0.05, azimuth_std=0.7, loss=6.0):
         elevation_std=np.full(n, np.nan),
         row=np.arange(n),
         scatter=np.zeros((n, 2)),
+        clutter=np.full(n, 0.5 / (60 * 360)),  # none within 60 m
     )

@@ -9,6 +9,7 @@ from erm.maps.environment import Environment
 from erm.mpcs.selection import MAX_GAIN_EXCESS, reflection_loss, select
 from erm.mpcs.table import columns_of_product, free_space_gain, make_table, path_length
 from erm.reconstruction.delay_wraps import _hypotheses
+from erm.reconstruction.model.paths import Paths
 from erm.reconstruction.reconstruct import reconstruct
 from erm.tracing.trace import trace
 
@@ -75,7 +76,7 @@ def test_a_wall_whose_delays_wrapped_as_often_as_their_gains_allow_is_located():
 def test_hypotheses_end_where_a_path_would_be_stronger_than_free_space():
     table = select(square(period=90e-9))
     one = np.flatnonzero(np.isfinite(table["wrap_period"].values))
-    wrapped, row = _hypotheses(table, np.isin(np.arange(table.sizes["mpc"]), one))
+    wrapped, paths = _hypotheses(table, Paths.from_table(table), np.isin(np.arange(table.sizes["mpc"]), one))
     assert (wrapped["reflection_loss"].values > -MAX_GAIN_EXCESS - 2 * wrapped["reflection_loss_std"].values).all()
     assert (wrapped["reflection_loss"].values <= table.attrs["max_reflection_loss"]).all()
     # with one period more, the longest would be stronger than free space, or beyond where the weakest path is received
@@ -85,7 +86,7 @@ def test_hypotheses_end_where_a_path_would_be_stronger_than_free_space():
     weakest = (table["path_gain"] + 2 * table["path_gain_std"]).values.min()  # for certain
     beyond = free_space_gain(path_length(longer), FREQUENCY) < weakest
     assert (stronger | beyond).all()
-    assert np.bincount(row).max() > 2
+    assert np.bincount(paths.row).max() > 2
 
 
 @pytest.mark.slow

@@ -12,10 +12,6 @@ import numpy as np
 from erm.geometry.vertical import FloatArray, azimuth_of, distance_to_reflection, horizontal_length, unit
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 
-TYPICAL_LOSS, LOSS_RANGE = 7.0, 5.0
-"""Mean and standard deviation of reflection losses of building materials [dB]: metal 0, concrete 8, wood 17."""
-CLUTTER_LOSS_RANGE = 30.0
-"""Range of the losses of clutter [dB]: the dynamic range of a table."""
 ROUNDING = 1e-12
 """Variance of rounding errors of points that are otherwise exact [m2]."""
 
@@ -90,16 +86,6 @@ def elements_of(paths: Paths) -> Elements:
         paths.loss,
         paths.loss_std,
         np.unique(paths.link, return_inverse=True)[1],
-    )
-
-
-def log_odds_of_loss(
-    loss: FloatArray, loss_std: FloatArray, typical: float = TYPICAL_LOSS, spread: float = LOSS_RANGE
-) -> FloatArray:
-    """Log odds (path,) of reflection losses [dB] to be those of faces of a typical loss and not those of clutter."""
-    variance = spread**2 + loss_std**2
-    return np.asarray(
-        -((loss - typical) ** 2) / (2 * variance) - np.log(2 * np.pi * variance) / 2 + np.log(CLUTTER_LOSS_RANGE)
     )
 
 

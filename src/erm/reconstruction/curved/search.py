@@ -10,12 +10,14 @@ from scipy.spatial import cKDTree
 from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.standard_errors import SIGMAS
-from erm.reconstruction.curved.elements import ROUNDING, Elements, elements_of, log_odds_of_loss, normals_azimuth
+from erm.reconstruction.curved.elements import ROUNDING, Elements, elements_of, normals_azimuth
 from erm.reconstruction.curved.fit import CylinderFit, compared, fit_cylinders
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
+from erm.reconstruction.model.loss import log_odds_of_loss
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import Ragged
-from erm.reconstruction.poles.evidence import ClutterDensity, log_probability_of_view
+from erm.reconstruction.poles.evidence import ClutterDensity
+from erm.reconstruction.search.false_alarm import log_probability_of_view
 from erm.reconstruction.search.refine_groups import best_of_each_link
 
 PRIOR_DENSITY = 1e-3

@@ -14,7 +14,6 @@ from erm.reconstruction.model.loss import DIFFUSE_EXCESS_LOSS, reflection_loss
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import first_of_each
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.false_alarm import RING_RADIUS
 from erm.reconstruction.search.images import SEARCH_RADIUS, Images
 
 MAX_CHAINS = 20_000
@@ -22,6 +21,8 @@ MAX_CHAINS = 20_000
 derived."""
 MAX_COMPARISONS = 1e8
 """Chains times paths that are searched at most. Chosen; not derived."""
+RING_RADIUS = 3.0
+"""Outer radius of the ring in which the background of chains is counted, in radii of the gate. Chosen; not derived."""
 MAX_FALSE_SHARE = 0.05
 """Largest share of chains that may be found by chance. Chosen; not derived."""
 

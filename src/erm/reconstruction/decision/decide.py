@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.mpcs.reasons import Reason
-from erm.mpcs.selection import CONSISTENT_LOSS, ELEVATION_TOLERANCE
+from erm.mpcs.selection import ELEVATION_TOLERANCE
 from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.decision.conflicts import Conflicts
 from erm.reconstruction.decision.corners import corner_pairs
@@ -30,7 +31,7 @@ from erm.reconstruction.model.loss import (
 )
 from erm.reconstruction.model.paths import BoolArray, Paths
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.false_alarm import are_false_alarms, log_odds_against_false_alarm
+from erm.reconstruction.search.false_alarm import evidence, without_worthless
 
 MAX_ROUNDS = 4
 """Repetitions of the decision; two are usual. Chosen; not derived."""
@@ -59,10 +60,6 @@ MAX_ANGLE_RANGE = 30.0
 """Range of angles of incidence above which more is no further evidence [degree]. Chosen; not derived."""
 SCENE_LOSS_RANGE = (8.5, 13.0)
 """Limits of the loss of a scene at normal incidence [dB]: concrete and plaster."""
-
-MIN_WEAK_LOG_ODDS = 2.0
-"""Log odds against a false alarm that a weak candidate needs: one whose paths may be off a wall only because their
-gains are uncertain. Six in seven such candidates were no walls."""
 
 
 class KnownCurved(NamedTuple):
@@ -123,8 +120,6 @@ class Candidates:
         self._excess = [excess_loss(wall, typical) for wall in walls]
         self._angle_range = [_angle_range(wall) for wall in walls]
         self._arrival = _arrivals(walls)
-        self._weak = [bool(np.mean(wall.paths.loss > CONSISTENT_LOSS) > 0.5) for wall in walls]
-        self._against_false_alarm = log_odds_against_false_alarm(self.walls, self._weak)
         alone = [self.log_odds(i) for i in range(len(walls))]
         # obstruction by others never raises the log odds, so candidates below 0 alone stay below
         self._conflicts = Conflicts(walls, lines_of_sight, np.array(alone, dtype=float) >= 0)
@@ -137,8 +132,6 @@ class Candidates:
 
         Of two candidates that obstruct each other the one with the higher log odds is kept.
         """
-        if self._weak[wall] and self._against_false_alarm[wall] < MIN_WEAK_LOG_ODDS:
-            return Reason.FALSE_ALARM
         mean, error = self.walls[wall].mean_elevation_excess
         if np.isfinite(error) and abs(mean) > ELEVATION_TOLERANCE + SIGMAS * error:
             return Reason.MEAN_ELEVATION
@@ -213,7 +206,8 @@ def decide_walls(
         Fewest paths on the pieces of a wall. A path far from the others may be off another wall and is no evidence.
     curved : KnownCurved
     """
-    false_alarms = are_false_alarms(candidates)
+    candidates = [wall for wall in without_worthless(candidates) if wall.support >= min_support]
+    false_alarms = evidence(candidates).total < TWENTY_TO_ONE
     rejected = [(wall, Reason.FALSE_ALARM) for wall in compress(candidates, false_alarms)]
     distinct = merge_duplicates(list(compress(candidates, ~false_alarms)), max_gap)
     ranked = Candidates(distinct, minor, lines_of_sight, max_gap, curved)

@@ -4,15 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.vertical import FloatArray, angle_difference
+from erm.reconstruction.model.clutter import CHI_SQUARED_GATE as CHI_SQUARED_GATE
 from erm.reconstruction.model.line import Frame, Line, Lines
 from erm.reconstruction.model.paths import IntArray, PathColumns, Paths
 from erm.reconstruction.model.ragged import Ragged, list_sums
 
-CHI_SQUARED_GATE = 2 * THOUSAND_TO_ONE
-"""Chi-squared up to which a path agrees with a line: with 2 degrees of freedom one true path in 1000 exceeds it, for
-``exp(-x / 2) = 1e-3`` at ``x = 2 ln 1000 = 13.8``."""
 HUBER_THRESHOLD = 2.0
 """Standard errors beyond which a residual pulls with constant force (99 % efficient on Gaussian errors)."""
 MAX_STEPS = 30

@@ -16,6 +16,10 @@ resolution cell interfere. Chosen; not derived."""
 DIFFUSE_EXCESS_LOSS = 10.0
 """Loss above that of a wall's specular paths from which a path counts as diffuse [dB]: three times `LOSS_SCATTER`,
 rounded."""
+TYPICAL_LOSS, LOSS_RANGE = 7.0, 5.0
+"""Mean and standard deviation of reflection losses of building materials [dB]: metal 0, concrete 8, wood 17."""
+CLUTTER_LOSS_RANGE = 30.0
+"""Range of the losses of clutter [dB]: the dynamic range of a table."""
 MIN_REFRACTIVE_INDEX = 1.05
 """Smallest refractive index of a wall; air has 1. Chosen; not derived."""
 MAX_REFLECTION_AMPLITUDE = 0.98
@@ -121,3 +125,13 @@ def _index_squared(paths: Paths, cosine: FloatArray, start: IntArray) -> FloatAr
 
 def _weights(paths: Paths) -> FloatArray:
     return 1 / (paths.loss_std**2 + LOSS_SCATTER**2)
+
+
+def log_odds_of_loss(
+    loss: FloatArray, loss_std: FloatArray, typical: float = TYPICAL_LOSS, spread: float = LOSS_RANGE
+) -> FloatArray:
+    """Log odds (path,) of reflection losses [dB] to be those of faces of a typical loss and not those of clutter."""
+    variance = spread**2 + loss_std**2
+    return np.asarray(
+        -((loss - typical) ** 2) / (2 * variance) - np.log(2 * np.pi * variance) / 2 + np.log(CLUTTER_LOSS_RANGE)
+    )

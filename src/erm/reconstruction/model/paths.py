@@ -14,6 +14,7 @@ from erm.mpcs.antenna_pairs import distinct_rows
 from erm.mpcs.faces import elevation_excess
 from erm.mpcs.selection import ELEVATION_STD
 from erm.mpcs.table import path_length
+from erm.reconstruction.model.clutter import density_of_stronger
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,6 +68,9 @@ class Paths:
     scatter : array (path, 2)
         Standard deviations of length [m] and azimuth [degree] that the relief of a facade adds. Those of the standard
         errors contain them.
+    clutter : array (path,)
+        Density of the paths of its link about it that are stronger (`erm.reconstruction.model.clutter`)
+        [1/(m degree)].
     """
 
     tx: FloatArray
@@ -84,27 +88,33 @@ class Paths:
     elevation_std: FloatArray
     row: IntArray
     scatter: FloatArray
+    clutter: FloatArray
 
     @classmethod
-    def from_table(cls, table: "xr.Dataset") -> "Paths":
-        """Return all MPCs of a table of `erm.mpcs.selection.select`, in its order."""
-        tx = table["tx_position"].values
+    def from_table(cls, table: "xr.Dataset", clutter: FloatArray | None = None) -> "Paths":
+        """Return all MPCs of a table of `erm.mpcs.selection.select`, in its order; their ``clutter`` if it is known."""
+        tx, length, azimuth = table["tx_position"].values, path_length(table), table["azimuth"].values
+        std = table["delay_std"].values * c, table["azimuth_std"].values
+        link, loss = table["link"].values, table["reflection_loss"].values
+        if clutter is None:
+            clutter = density_of_stronger(length, azimuth, std, loss, link)
         return cls(
             tx=tx,
             rx=table["rx_position"].values,
-            length=path_length(table),
-            azimuth=table["azimuth"].values,
-            length_std=table["delay_std"].values * c,
-            azimuth_std=table["azimuth_std"].values,
-            link=table["link"].values,
+            length=length,
+            azimuth=azimuth,
+            length_std=std[0],
+            azimuth_std=std[1],
+            link=link,
             transmitter=distinct_rows(tx)[1],
-            loss=table["reflection_loss"].values,
+            loss=loss,
             loss_std=table["reflection_loss_std"].values,
             wavelength=c / table["frequency"].values,
             elevation_excess=elevation_excess(table),
             elevation_std=table["elevation_std"].values,
             row=np.arange(table.sizes["mpc"]),
             scatter=np.zeros((table.sizes["mpc"], 2)),
+            clutter=clutter,
         )
 
     @classmethod

@@ -6,21 +6,20 @@ And receivers in a row, seen from a pole, also point to one image, that of some 
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.special import betaln, gammainc
+from scipy.special import gammainc
 
 from erm.geometry.vertical import FloatArray
 from erm.geometry.vertical_covariance import point_covariance
+from erm.reconstruction.model.clutter import JEFFREYS_COUNT
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE, EXACT_LINE, chi_squared, residuals
+from erm.reconstruction.model.loss import CLUTTER_LOSS_RANGE
 from erm.reconstruction.model.paths import IntArray, Paths
 from erm.reconstruction.poles.cylinder import ROUNDNESS, Cylinder
 from erm.reconstruction.poles.point_scatterers import POLE_LOSS_SCATTER
 from erm.reconstruction.search.consensus import find_groups
-from erm.reconstruction.search.false_alarm import JEFFREYS_COUNT
 
 PRIOR_DENSITY = 1e-3
 """Prior density of poles, and of images that no wall explains [1/m2]: one in a square of 30 m. Chosen; not derived."""
-CLUTTER_LOSS_RANGE = 30.0
-"""Range of the losses of clutter [dB]. Chosen; not derived."""
 COUNT_RADII = 2.0 ** np.arange(-1, 6)
 """Radii about a point within which clutter is counted [m]. Chosen; not derived."""
 EMPTY_RADIUS = 2.0
@@ -123,7 +122,7 @@ def pole_log_odds(paths: Paths, cylinder: Cylinder, density: float, min_support:
     of_images = 0.0
     if of_pole < 0:
         return float(of_pole), of_images
-    for group in find_groups(paths, min_support):
+    for group in find_groups(paths, min_support, least_evidence=-np.inf):
         own, line = paths.take(group.inliers), group.line
         # the image moves by 2 distance along the wall per radian, and by 2 towards it per metre
         distance = abs(float(line.signed_distance(own.tx[0])))
@@ -132,15 +131,6 @@ def pole_log_odds(paths: Paths, cylinder: Cylinder, density: float, min_support:
         of_image = np.log(PRIOR_DENSITY * 2 * np.pi * area) + single[group.inliers].sum() - chi2.sum() / 2
         of_images += max(of_image + _log_odds_of_losses(own.loss, own.loss_std), 0.0)
     return float(of_pole), float(of_images)
-
-
-def log_probability_of_view(received: int, in_view: int) -> float:
-    """Log probability that just these of the links in view of a place receive something from it.
-
-    A few of many links find clutter that agrees anywhere. If every share of receiving links is equally likely
-    beforehand, ``k`` of ``n`` receive with the probability ``B(k + 1, n - k + 1)``, off a pole or an image.
-    """
-    return float(betaln(received + 1, max(in_view - received, 0) + 1))
 
 
 def _log_odds_of_losses(level: FloatArray, std: FloatArray) -> float:

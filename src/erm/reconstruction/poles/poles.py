@@ -24,7 +24,7 @@ from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import Ragged
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.poles.cylinder import Cylinder, refine_cylinder
-from erm.reconstruction.poles.evidence import ClutterDensity, log_probability_of_view, pole_log_odds
+from erm.reconstruction.poles.evidence import ClutterDensity, pole_log_odds
 from erm.reconstruction.poles.point_scatterers import (
     InitialPole,
     Points,
@@ -33,6 +33,7 @@ from erm.reconstruction.poles.point_scatterers import (
     radii_from_loss,
     refine_points,
 )
+from erm.reconstruction.search.false_alarm import log_probability_of_view
 from erm.reconstruction.search.greedy import GreedySelection, Trial
 from erm.reconstruction.search.images import mahalanobis
 

@@ -10,9 +10,8 @@ from scipy.special import gammainc
 
 from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
-from erm.reconstruction.model.fit import CHI_SQUARED_GATE
+from erm.reconstruction.model.clutter import CHI_SQUARED_GATE, JEFFREYS_COUNT
 from erm.reconstruction.model.paths import BoolArray, IntArray
-from erm.reconstruction.search.false_alarm import JEFFREYS_COUNT
 from erm.reconstruction.search.images import SEARCH_RADIUS, Images
 
 MAX_REQUIRED_PARTNERS = 12

@@ -1,88 +1,95 @@
 """False alarms: where paths are many and their errors large, some of them always share an image by chance.
 
-The background is counted as in photometry, in a ring: the paths just outside the gate of a line tell how many would be
-inside it without a wall.
+One number tells images from chance, the evidence of all paths of a candidate together: what each path that agrees is
+worth depends on its own errors, and on how many paths as strong its antenna pair has about it.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import gammainc
+from scipy.special import betaln
 
-from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.vertical import FloatArray
-from erm.reconstruction.model.fit import CHI_SQUARED_GATE, misfits
-from erm.reconstruction.model.line import Lines
-from erm.reconstruction.model.paths import BoolArray, IntArray
+from erm.reconstruction.model.fit import residuals
+from erm.reconstruction.model.line import PLANE_SPAN
+from erm.reconstruction.model.loss import log_odds_of_loss
+from erm.reconstruction.model.paths import Paths
+from erm.reconstruction.model.ragged import Ragged
 from erm.reconstruction.model.wall import Wall
-from erm.reconstruction.search.images import BATCH_LINES, Images
 
-RING_RADIUS = 3.0
-"""Outer radius of the ring in which the background is counted, in radii of the gate. Chosen; not derived."""
 DISTURBED_SHARE = 0.1
 """Share of inliers that other paths disturb, so that they lie anywhere in the gate. Chosen; not derived."""
-JEFFREYS_COUNT = 0.5
-"""Count added to a background, so that its rate is positive where none was counted (Jeffreys prior)."""
-SURE_SUPPORT = 40
-"""Links that never share an image by chance. Chosen; not derived."""
 
 
-def log_odds_against_false_alarm(walls: Sequence[Wall], some: Sequence[bool]) -> FloatArray:
-    """Log odds (wall,) of some candidates to be one image and no false alarm; infinite for the others.
+class Evidence(NamedTuple):
+    """What speaks for candidates as images, and not as false alarms."""
 
-    With ``n`` paths in the ring from 1 to `RING_RADIUS` radii of the gate, the gate holds
-    ``m = (n + 1/2) / (RING_RADIUS**2 - 1)`` by chance. Of ``N`` searches, one from each path,
-    ``N P(Poisson(m) >= support - 2)`` then find a group as large: a line has two parameters and
-    fits any two paths. Chance also spreads its inliers evenly
-    over the gate, while the chi-squared of true inliers has 2 degrees of freedom: each inlier adds the logarithm of
-    ``(1 - DISTURBED_SHARE) gate / 2 exp(-chi2 / 2) + DISTURBED_SHARE``. Inliers of larger candidates are explained and
-    do not count as background.
+    of_paths: Ragged
+    """Inliers of each candidate."""
+    log_odds: FloatArray
+    """Log odds (inlier,) of each path to be off the image and not there by chance."""
+    total: FloatArray
+    """Log odds (wall,) of all together."""
+
+
+def evidence(walls: Sequence[Wall]) -> Evidence:
+    """Evidence of candidates to be images and no false alarms.
+
+    About its prediction, a path off an image has the density ``exp(-chi2 / 2) / (2 pi s_L s_a)`` of lengths and
+    azimuths, and the losses of faces; by chance it has the density of `erm.reconstruction.model.clutter`, and any loss.
+    Each inlier adds the logarithm of the ratio ``q``, of ``(1 - DISTURBED_SHARE) q + DISTURBED_SHARE`` as others
+    disturb some. The line costs ``ln(2 pi sqrt|C| / V)``: with the covariance ``C`` of its fit it is one of so many in
+    the volume ``V`` of all normals and of `PLANE_SPAN` offsets (Laplace's method). Two paths fit any line and pay this
+    about; a path with errors as large as its surroundings is worth nothing. That just these links received something,
+    of those that the line would reflect to between its outermost reflection points and over no longer paths, has
+    the probability `log_probability_of_view`.
     """
-    return _log_odds(walls, np.flatnonzero(some))[0]
-
-
-def are_false_alarms(walls: Sequence[Wall]) -> BoolArray:
-    """Candidates (wall,) that are a thousand times more likely to be false alarms than images.
-
-    Where clutter is so dense that every image has others beside it, groups of three or four outnumber walls.
-    """
-    log_odds, expected = _log_odds(walls, np.flatnonzero([wall.support < SURE_SUPPORT for wall in walls]))
-    return (log_odds < -THOUSAND_TO_ONE) & (expected > 1)
-
-
-def _log_odds(walls: Sequence[Wall], some: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Log odds (wall,) of some of the candidates, and the expected number (wall,) of false alarms as large."""
-    log_odds, expected = np.full(len(walls), np.inf), np.zeros(len(walls))
-    if not len(some):
-        return log_odds, expected
-    support = np.array([wall.support for wall in walls], dtype=np.int64)
+    inliers = Ragged.from_lists([wall.inliers for wall in walls])
+    if not walls:
+        return Evidence(inliers, np.empty(0), np.empty(0))
     paths = walls[0].all_paths
-    by_chance = (_count_in_ring(Images(paths), walls, some) + JEFFREYS_COUNT) / (RING_RADIUS**2 - 1)
-    # P(Poisson(m) >= k) is the regularised incomplete gamma function P(k, m)
-    expected[some] = len(paths) * gammainc(np.maximum(support[some] - 2, 1), by_chance)
-    density = [(1 - DISTURBED_SHARE) * CHI_SQUARED_GATE / 2 * np.exp(-walls[i].chi_squared / 2) for i in some.tolist()]
-    fit = [np.log(own + DISTURBED_SHARE).sum() for own in density]
-    log_odds[some] = np.array(fit) - np.log(np.maximum(expected[some], 1.0))
-    return log_odds, expected
+    odds = log_odds_at_best(paths.take(inliers.rows)) - np.concatenate([wall.chi_squared for wall in walls]) / 2
+    disturbed = np.logaddexp(np.log(1 - DISTURBED_SHARE) + odds, np.log(DISTURBED_SHARE))
+    total = np.bincount(inliers.owner, disturbed, len(walls)) + np.log(2 * np.pi / (360 * PLANE_SPAN))
+    total += [np.linalg.slogdet(wall.line.covariance)[1] / 2 for wall in walls]
+    possible = np.flatnonzero(total > 0)  # the others are false alarms in any view
+    links = paths.take(np.unique(paths.link, return_index=True)[1]) if len(possible) else paths
+    for number in possible.tolist():
+        total[number] += log_probability_of_view(walls[number].support, _in_view(walls[number], links))
+    return Evidence(inliers, odds, total)
 
 
-def _count_in_ring(images: Images, walls: Sequence[Wall], some: IntArray) -> IntArray:
-    """Number of paths in the ring about each of some walls that no larger wall explains."""
-    paths = images.paths
-    support = np.array([wall.support for wall in walls], dtype=np.int64)
-    size, owner = np.zeros(len(paths), dtype=np.int64), np.full(len(paths), -1)
-    for number, wall in enumerate(walls):
-        larger = wall.inliers[size[wall.inliers] < wall.support]
-        size[larger], owner[larger] = wall.support, number
-    images = images.restricted_to_free(size <= support[some].max())
-    counts = []
-    for first in range(0, len(some), BATCH_LINES):
-        part = some[first : first + BATCH_LINES]
-        lines = Lines.from_list([walls[i].line for i in part.tolist()])
-        of, rows = images.near_lines(lines, RING_RADIUS)
-        background = np.flatnonzero((size[rows] <= support[part[of]]) & (owner[rows] != part[of]))
-        of, rows = of[background], rows[background]
-        chi2 = misfits(paths.columns, rows, lines, of)
-        inside = (chi2 > CHI_SQUARED_GATE) & (chi2 < RING_RADIUS**2 * CHI_SQUARED_GATE)
-        counts.append(np.bincount(of[inside], minlength=len(part)))
-    return np.concatenate(counts)
+def _in_view(wall: Wall, links: Paths) -> int:
+    """Number of links that a candidate would reflect to, between its inliers and over paths no longer than theirs."""
+    frame, own = wall.line.frame(), wall.paths
+    along = frame.along(np.stack(frame.reflection_points(own.columns), axis=-1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        place = frame.along(np.stack(frame.reflection_points(links.columns), axis=-1))
+        length = links.length - residuals(links.columns, frame).length
+    front = np.minimum(frame.signed_distance(links.tx), frame.signed_distance(links.rx)) > 0
+    seen = front & (place > along.min()) & (place < along.max()) & (length < own.length.max())
+    return wall.support + int(np.count_nonzero(seen & ~np.isin(links.link, own.link)))
+
+
+def log_probability_of_view(received: int, in_view: int) -> float:
+    """Log probability that just these of the links in view of a place receive something from it.
+
+    A few of many links find clutter that agrees anywhere. If every share of receiving links is equally likely
+    beforehand, ``k`` of ``n`` receive with the probability ``B(k + 1, n - k + 1)``, off a pole or an image.
+    """
+    return float(betaln(received + 1, max(in_view - received, 0) + 1))
+
+
+def log_odds_at_best(paths: Paths) -> FloatArray:
+    """Log odds (path,) of paths to be off an image that they agree with exactly, and not there by chance."""
+    chance = 2 * np.pi * paths.length_std * paths.azimuth_std * paths.clutter
+    return np.asarray(log_odds_of_loss(paths.loss, paths.loss_std) - np.log(np.maximum(chance, np.finfo(float).tiny)))
+
+
+def without_worthless(walls: Sequence[Wall]) -> list[Wall]:
+    """Candidates without the paths that are likelier to be there by chance: they show neither a wall nor its length."""
+    found = evidence(walls)
+    worth = found.of_paths.masked(found.log_odds > 0)
+    return [replace(wall, inliers=own) for wall, own in zip(walls, worth, strict=True)]

@@ -17,6 +17,7 @@ from erm.reconstruction.model.grid import Grid
 from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import Ragged
+from erm.reconstruction.search.false_alarm import log_odds_at_best
 
 SEARCH_RADIUS = 4.0
 """Standard errors of azimuth within which images are searched. It exceeds ``sqrt(CHI_SQUARED_GATE) = 3.7``."""
@@ -60,10 +61,13 @@ class Images:
         Number of the transmitter of each path, among those of these paths.
     transmitters : array (transmitter, 3)
         Positions of these [m].
+    worth : array (path,)
+        Log odds of each path to be off an image and not there by chance, 0 where these are less.
     """
 
     def __init__(self, paths: Paths) -> None:
         self.paths = paths
+        self.worth = np.maximum(log_odds_at_best(paths), 0.0)
         self.points = paths.virtual_anchors()
         horizontal = np.hypot(*(self.points - paths.rx[:, :2]).T)
         self.across = horizontal * np.deg2rad(paths.azimuth_std)

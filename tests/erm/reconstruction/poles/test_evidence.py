@@ -5,7 +5,6 @@ import pytest
 from scipy.constants import c
 
 from erm.geometry.vertical import azimuth_of, mirrored
-from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.mpcs.standard_errors import widen_errors
 from erm.mpcs.table import make_table
@@ -51,6 +50,7 @@ def paths(rx, *chain, loss=6.0, loss_std=0.5):
         elevation_std=np.nan * one,
         row=np.arange(count),
         scatter=np.zeros((count, 2)),
+        clutter=1e-4 * one,
     )
 
 
@@ -119,9 +119,8 @@ def test_weak_clutter_makes_no_walls(seed):
             "azimuth_std": 1.5 * one,
         }
     )
-    environment, merged = reconstruct(select(table(clutter)))
+    environment, _ = reconstruct(select(table(clutter)))
     assert environment.reflectors.sizes["reflector"] == 0
-    assert Reason.FALSE_ALARM in merged["reason"].values
 
 
 def test_a_double_reflection_in_a_right_angled_corner_is_found_by_its_known_wall():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.constants import c
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.mpcs.selection import select
 from erm.reconstruction.model.extent import SOLID_GAP, solid_footprint, without_strays
 from erm.reconstruction.model.fit import fit_line
@@ -18,7 +19,7 @@ from erm.reconstruction.search import images as images_module
 from erm.reconstruction.search.consensus import _grow_from_seeds as grow_from_seeds
 from erm.reconstruction.search.consensus import find_groups
 from erm.reconstruction.search.density import MAX_REQUIRED_PARTNERS, required_partners
-from erm.reconstruction.search.false_alarm import are_false_alarms
+from erm.reconstruction.search.false_alarm import evidence
 from erm.reconstruction.search.greedy import GreedySelection, Group, Trial
 from erm.reconstruction.search.images import Images
 from erm.reconstruction.search.refine_groups import refine_groups
@@ -148,20 +149,17 @@ def test_deferred_trials_are_made_later():
 @pytest.mark.slow
 def test_three_paths_that_agree_are_a_false_alarm_in_dense_clutter_only():
     paths = dense_clutter(8_000)
-    true = 3 * 40  # the first rows
-    walls = [Wall(paths, group.line, group.inliers) for group in find_groups(paths, 3)]
-    false_alarm = are_false_alarms(walls)
-    of_walls = np.array([np.mean(wall.inliers < true) > 0.5 for wall in walls])
-    few = np.array([wall.support == 3 for wall in walls])
-    assert np.count_nonzero(few) > 10
-    assert np.mean(false_alarm[few]) > 0.5
+    groups = find_groups(paths, 3)
+    of_walls = np.array([np.mean(group.inliers < 3 * 40) > 0.5 for group in groups])  # the first rows
     assert np.count_nonzero(of_walls) >= 3
-    assert not false_alarm[of_walls & ~few].any()
-    of_three = together(off_walls(3, 4))
-    alone = of_three.take(np.arange(3))
-    line = fit_line(alone, seed_line(alone.take(np.array([0]))))
-    assert are_false_alarms([Wall(alone, line, np.arange(3))]).tolist() == [False]
-    assert are_false_alarms([]).tolist() == []
+    assert np.count_nonzero(~of_walls) <= 1
+    alone = together(off_walls(3, 4)).take(np.arange(3))
+    wall = Wall(alone, fit_line(alone, seed_line(alone.take(np.array([0])))), np.arange(3))
+    assert evidence([wall]).total > TWENTY_TO_ONE
+    # with as many paths of the same link about each as its errors hold, no number of them is evidence
+    among = replace(alone, clutter=1 / (2 * np.pi * alone.length_std * alone.azimuth_std))
+    assert evidence([replace(wall, all_paths=among)]).total < -TWENTY_TO_ONE
+    assert len(evidence([]).total) == 0
 
 
 @pytest.mark.slow

@@ -117,6 +117,7 @@ def paths_off(normal, offset, count, rng):
         elevation_std=column,
         row=np.arange(count),
         scatter=np.zeros((count, 2)),
+        clutter=column + 1e-4,
     )
 
 
