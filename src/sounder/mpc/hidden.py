@@ -30,8 +30,8 @@ def ambiguity(found: Paths, scan: Scan) -> Ambiguity:
     describes within a margin: a peak that does not exceed the median of the far beams by that margin may be one of
     its sidelobes. The beams beside the missing ones see its flank. Where the next azimuth on one side of a path's beam
     is missing, the path may come from there, unless the next on the other side sees no less of it than of a path
-    half-way to the missing one: azimuth and gain may be off by as much. Where the one after it is missing too, or all
-    elevations above or below, or for a path beyond the edge of the fan any of these, the direction is not known.
+    half-way to the missing one: azimuth and gain may be off by as much. Where then the one after it is missing too, or
+    all elevations above or below, or for a path beyond the edge of the fan any of these, the direction is not known.
     """
     beams, view = scan.arrival, scan.arrival.view(end=ARRIVAL, stride=1)
     result = Ambiguity(np.ones(len(found), bool), np.zeros(len(found)), np.zeros(len(found)))
@@ -53,9 +53,10 @@ def ambiguity(found: Paths, scan: Scan) -> Ambiguity:
         sides, column = _around(own, scan, full_circle=view.full_circle)
         seen = max(power[side[0]] for side in sides) if sides else 0.0
         clear = len(sides) > 1 and seen > margin * max(level, noise[own])
+        between = clear and seen > 10 ** ((loss[2] - loss[0]) / 10) * power[own]
         for side in sides:
-            known &= bool(recorded[side].any())
-            if not recorded[side[0]] and not (clear and seen > 10 ** ((loss[2] - loss[0]) / 10) * power[own]):
+            known &= between or bool(recorded[side].any())
+            if not recorded[side[0]] and not between:
                 result.azimuth[p] = wrap(azimuth[side[0]] - path["azimuth"])
                 result.gain[p] = -loss[1]
         missing = [~recorded[side] for side in column if side]

@@ -58,8 +58,8 @@ def remarks_on_line_of_sight(recording: Recording, mpc: xr.Dataset, daps: xr.Dat
     the one that agrees best tells what is wrong: its delay, its direction, or its level. If none agrees in two of the
     three, no direct path was found.
 
-    Nothing is said where the direct path is too weak to be found in its best beam, or arrives so far outside the
-    scan that only sidelobes see it.
+    Nothing is said where the direct path is too weak to be found in its best beam, where a beam that has it in its
+    main lobe is missing, or where it arrives so far outside the scan that only sidelobes see it.
 
     Parameters
     ----------
@@ -138,8 +138,8 @@ def _is_seen(direct: DirectPath, sounder: Sounder, daps: xr.Dataset) -> bool:
     azimuth, elevation = daps["azimuth"].values[:, None], daps["elevation"].values[None, :]
     beam = pattern.beam_gain(np.array(direct.azimuth), np.array(direct.elevation), azimuth, elevation)
     floor = daps["noise_floor"].values
-    beam = np.where(np.isfinite(floor), beam, -np.inf)
-    if pattern.directive and beam.max() < _least_beam(sounder, pattern):
+    inside = beam >= _least_beam(sounder, pattern)
+    if pattern.directive and not (inside.any() and np.isfinite(floor[inside]).all()):
         return False
     return bool(np.nanmax(direct.path_gain + pattern.gain + beam - floor) > LEAST_SNR)
 

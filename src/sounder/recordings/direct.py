@@ -11,6 +11,7 @@ import numpy as np
 from erm.common.errors import DataError
 from erm.common.gate.hdf5 import Dataset
 from erm.common.gate.limits import current, too_large
+from sounder.recordings.checksum import BYTES, checksum_holds
 from sounder.recordings.recording import Captures
 
 
@@ -64,8 +65,6 @@ def _chunked(
         first, count, step = _range(path, snapshots, shape)
         if not count:
             return np.empty((0, *shape[3:]), np.int16)
-        from sounder.kernels.checksum import BYTES, checksum_holds  # slow to import; files may be opened and not read
-
         begin = first // length * length
         wanted = [(s, places.get((a, e, s, 0, 0))) for s in range(begin, first + count, length)]
         data = iter(_bytes(path, [place for _, place in wanted if place is not None]))
