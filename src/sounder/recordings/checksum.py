@@ -27,5 +27,6 @@ def checksum_holds(chunk: bytes) -> bool:
 
         sums = fletcher_sums(words.astype(np.uint16, copy=False))
     else:
-        sums = int(words.sum(dtype=np.uint64)), int(words.astype(np.uint64) @ np.arange(words.size, 0, -1, np.uint64))
+        weights = np.arange(words.size, 0, -1, dtype=np.uint64)
+        sums = int(words.sum(dtype=np.uint64)), int(words.astype(np.uint64) @ weights)
     return all((2**8 * one - int(other)) % (2**16 - 1) == 0 for one, other in zip(sums, stored, strict=True))
