@@ -49,6 +49,14 @@ def export(
             help=".xml only: frequency at which unknown materials of the ray tracer are computed [Hz].",
         ),
     ] = DRAWING_FREQUENCY,
+    scattering: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help=".xml only: scattering coefficient of faces whose roughness is not known, less than 1.",
+        ),
+    ] = 0.0,
 ) -> None:
     """Write a map in another format, or set its place on earth.
 
@@ -74,7 +82,17 @@ def export(
     if georeference is not None:
         place = replace(place, georeference=georeference)
     mpcs, positions = read_measured(environment)
-    write_map(place, out, mpcs=mpcs, positions=positions, height=height, margin=margin, frequency=frequency, crs=crs)
+    write_map(
+        place,
+        out,
+        mpcs=mpcs,
+        positions=positions,
+        height=height,
+        margin=margin,
+        frequency=frequency,
+        scattering=scattering,
+        crs=crs,
+    )
     if crs and place.georeference and (remark := remark_on_system(crs, place.georeference)):
         note(f"note: {remark}")
     meshes = f"; meshes: {out.stem}-*.ply" if out.suffix.lower() == ".xml" else ""

@@ -39,6 +39,7 @@ def write_map(
     height: float = DRAWING_HEIGHT,
     margin: float = DRAWING_MARGIN,
     frequency: float = DRAWING_FREQUENCY,
+    scattering: float = 0.0,
     crs: str | None = None,
 ) -> None:
     """Write a map in the format of the suffix. The file is written completely or not at all.
@@ -63,6 +64,9 @@ def write_map(
         by this margin beyond the walls [m]. See `erm.maps.formats.surfaces.extrude`.
     frequency : float
         Only .xml: materials that the ray tracer does not know are evaluated at this frequency [Hz].
+    scattering : float
+        Only .xml: scattering coefficient, 0 to 1, of faces whose roughness is not known. See
+        `erm.maps.formats.mitsuba.constants`.
     crs : str, optional
         Only .gpkg and .dxf of an environment with an origin: coordinate system, by a name or code that PROJ knows,
         such as "EPSG:25832" or "ETRS89 / UTM zone 32N". Default: WGS 84 for .gpkg, local metres for .dxf.
@@ -90,7 +94,7 @@ def write_map(
     if crs is not None:
         crs = _known_system(path, crs, environment)
     if path.suffix.lower() in DRAWINGS:
-        _draw(environment, path, height, margin, frequency, crs)
+        _draw(environment, path, height, margin, frequency, scattering, crs)
         return
     columns, scene = to_columns(environment.reflectors), to_scene(environment)
     if path.suffix.lower() in HDF5:
@@ -197,7 +201,13 @@ def _known_system(path: Path, crs: str, environment: "Environment") -> str:
 
 
 def _draw(
-    environment: "Environment", path: Path, height: float, margin: float, frequency: float, crs: str | None
+    environment: "Environment",
+    path: Path,
+    height: float,
+    margin: float,
+    frequency: float,
+    scattering: float,
+    crs: str | None,
 ) -> None:
     """Write one of the `DRAWINGS`."""
     from erm.maps.formats import dxf, mitsuba, obj, ply
@@ -207,6 +217,8 @@ def _draw(
         raise OptionError(f"{path}: height {height:g} m, margin {margin:g} m; expected positive numbers")
     if not 0 < frequency < inf:
         raise OptionError(f"{path}: frequency {frequency:g} Hz; expected a positive number")
+    if not 0 <= scattering < 1:
+        raise OptionError(f"{path}: scattering {scattering:g}; expected 0 to less than 1")
     suffix = path.suffix.lower()
     if suffix == ".dxf":
         dxf.write(environment, path, height=height, margin=margin, crs=crs)
@@ -217,7 +229,7 @@ def _draw(
     elif suffix == ".obj":
         obj.write(surfaces, path)
     else:
-        mitsuba.write(surfaces, environment.materials, frequency, path)
+        mitsuba.write(surfaces, environment.materials, frequency, path, scattering=scattering)
 
 
 def _format_of(path: Path) -> tuple[Writer, Reader]:
