@@ -10,7 +10,7 @@ from erm.common.errors import DataError
 from sounder.cir.amplitudes import amplitude_wall
 from sounder.cir.matched_filter import MatchedFilter
 from sounder.cir.power_spectrum import noise_power
-from sounder.cir.responses import noise_spectrum, reference_spectrum
+from sounder.cir.responses import noise_density, reference_spectrum
 from sounder.instrument.description import Sounder
 from sounder.instrument.periodic import Periodic
 from sounder.instrument.touchstone import transmission
@@ -164,7 +164,7 @@ def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounde
     norm = waveform.samples / kept.sum()
     transfer = np.where(inside, window * np.conj(response) / regularised / np.where(inside, template, 1), 0)
     transfer = transfer * through * amplitude * norm
-    noise = np.abs(noise_spectrum(b2b.kind, sounder, response) * transfer) ** 2
+    noise = noise_density(b2b, sounder, response) * np.abs(transfer) ** 2
     return Deembedding(
         transfer=transfer,
         pulse=np.fft.ifft(kept) * norm,

@@ -11,9 +11,10 @@ from sounder.instrument.periodic import Periodic
 from sounder.instrument.waveform import chips, held_template
 from sounder.instrument.waveform_description import Sweep, Waveform
 from sounder.kernels.correlation.m_sequence import MSequenceCorrelator
-from sounder.recordings.recording import Captures, Kind
+from sounder.recordings.recording import BackToBack, Captures, Kind
 
 Complex = NDArray[np.complex128]
+Real = NDArray[np.float64]
 
 
 class ResponseCorrelator:
@@ -140,17 +141,45 @@ def reference_spectrum(kind: Kind, sounder: Sounder) -> Complex:
     return np.ones(sounder.waveform.samples, complex)
 
 
-def noise_spectrum(kind: Kind, sounder: Sounder, response: Complex) -> Complex:
-    """Amplitude (sample,) of the noise in correlated captures of a kind, where that of captures is white.
+def noise_density(b2b: BackToBack, sounder: Sounder, response: Complex) -> Real:
+    """Density (sample,) of the noise in correlated captures of the kind of ``b2b``, where that of captures is white.
 
-    Correlation gives noise the spectrum of the template, which for held chips is ``sinc(f / chip_rate)`` on average.
-    Frequencies of a sweep have the same noise. A sweep's impulse response has that of its pulse, ``response``, by which
-    its frequencies were weighted.
+    Correlation gives noise the spectrum of the template. Frequencies of a sweep have the same noise. A sweep's impulse
+    response has that of its pulse, ``response``, by which its frequencies were weighted.
     """
-    waveform = sounder.waveform
-    if isinstance(waveform, Sweep):
-        if kind == "cir" and waveform.chip_rate is not None:
-            frequency = np.fft.fftfreq(waveform.samples, 1 / waveform.sample_rate)
-            return np.sinc(frequency / waveform.chip_rate).astype(complex)
-        return response if kind == "cir" else np.ones(waveform.samples, complex)
-    return np.conj(np.fft.fft(held_template(sounder.sent)))
+    sequence = sounder.waveform if b2b.sequence is None else b2b.sequence
+    if not isinstance(sequence, Sweep):
+        return cut_density(held_template(sequence), sounder.waveform.samples)
+    return np.abs(response) ** 2 if b2b.kind == "cir" else np.ones(sequence.samples)
+
+
+def cut_density(template: Complex | Real, samples: int) -> Real:
+    """Spectral density of noise behind a correlator, in a response that was cut to fewer samples than the period.
+
+    The covariance ``r`` of the noise is the circular autocorrelation of the template (N,). A cut of L samples holds
+    ``L - l`` pairs at the lag ``l``, and its discrete spectrum takes the lag ``l - L`` for the same, so that it has the
+    density ``FFT(((L - l) r[l] + l r[l - L]) / L)``. For ``L = N`` this is ``|FFT(template)|^2`` (T. Chan, An optimal
+    circulant preconditioner for Toeplitz systems, SIAM J. Sci. Stat. Comput. 9(4), 1988).
+
+    Parameters
+    ----------
+    template : array (N,)
+    samples : int
+        L.
+
+    Returns
+    -------
+    array (L,)
+
+    Examples
+    --------
+    A chip that is held over two samples, in a period of eight and cut to four:
+
+    >>> cut_density(np.array([1.0, 1, 0, 0, 0, 0, 0, 0]), 4).round(6).tolist()
+    [3.5, 2.0, 0.5, 2.0]
+    """
+    covariance = np.fft.ifft(np.abs(np.fft.fft(template)) ** 2)
+    lag = np.arange(samples)
+    period = covariance.size
+    wrapped = (samples - lag) * covariance[lag % period] + lag * covariance[(lag - samples) % period]
+    return np.asarray(np.fft.fft(wrapped / samples).real)

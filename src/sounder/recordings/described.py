@@ -22,7 +22,7 @@ def described(file: ForeignFile, layout: Layout, sounder: Sounder) -> tuple[Soun
     sounder : Sounder
         Of the captures. If they are responses, frequencies or a sample rate in the layout replace the waveform.
     sequence : Waveform, Periodic or None
-        The waveform in the back-to-back, where that is to be correlated.
+        What impulse responses were correlated with, where it is described, or a back-to-back is to be correlated.
     """
 
     def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -50,7 +50,8 @@ def described(file: ForeignFile, layout: Layout, sounder: Sounder) -> tuple[Soun
     if set(layout.sounder.get("carrier", {})) == {"frequency"}:  # the oscillator of another carrier does not apply
         tables["carrier"] = {"frequency": tables["carrier"]["frequency"]}
     thru = layout.back_to_back
-    correlated = thru is not None and thru.kind == "iq" and layout.captures.kind == "cir"
+    told = "waveform" in layout.sounder and "points" not in layout.sounder["waveform"]
+    correlated = layout.captures.kind == "cir" and thru is not None and (told or thru.kind == "iq")
     kind = Periodic if "kind" in tables["waveform"] else Waveform
     sequence = kind.from_tables(tables["waveform"], f"{source}: waveform") if correlated else None
     tables |= _of_responses(file, layout, sequence)

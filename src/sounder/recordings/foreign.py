@@ -123,11 +123,11 @@ def back_to_back(path: Path, layout: Layout, sounder: Sounder, *, calibration: P
     with foreign_file(source) as file:
         frequency = layout.captures.frequency if block.frequency is None else block.frequency
         require_same_frequencies(file, frequency, instrument, carrier="carrier" not in layout.sounder)
-        samples = instrument.waveform.samples if sequence is None else sequence.samples
+        samples = instrument.waveform.samples if sequence is None or block.kind != "iq" else sequence.samples
         shape = lengths(file, block, {"sample": samples})
         captures = _captures(file, block, shape, {}, descending=is_descending(file, frequency))
         if kind == "cir":
-            if sequence is not None:
+            if sequence is not None and block.kind == "iq":
                 captures = np.roll(correlated(captures, sequence, source), block.shift, axis=-1)
             captures = cut_around_peak(captures, instrument.waveform.samples)
         scale = layout.scale_factor if block.scale_factor is None else block.scale_factor
@@ -140,6 +140,7 @@ def back_to_back(path: Path, layout: Layout, sounder: Sounder, *, calibration: P
             s21=None,
             includes_tx_antenna=block.includes_tx_antenna,
             kind=kind,
+            sequence=sequence,
         )
 
 

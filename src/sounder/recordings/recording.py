@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from erm.common.constants import FARTHEST, SAME_PLACE
 from erm.common.errors import DataError
 from sounder.instrument.description import Sounder
+from sounder.instrument.periodic import Periodic
+from sounder.instrument.waveform_description import Waveform
 
 Captures = NDArray[np.int16] | NDArray[np.complex64]
 Kind = Literal["iq", "cir", "ctf"]
@@ -149,6 +151,8 @@ class BackToBack:
         One line.
     kind : {"iq", "cir", "ctf"}
         What the captures are; the same as in the recordings.
+    sequence : Waveform, Periodic or None
+        What responses of kind ``cir`` were correlated with, if the sounder is described without it.
 
     Examples
     --------
@@ -168,6 +172,7 @@ class BackToBack:
     includes_tx_antenna: bool
     title: str = "Back-to-back captures"
     kind: Kind = "iq"
+    sequence: Waveform | Periodic | None = field(default=None, repr=False)
 
 
 class PositionError(DataError):

@@ -9,6 +9,7 @@ from scipy.constants import c
 
 from erm.common.errors import DataError
 from sounder.cir.impulse_response import calibrate, impulse_responses
+from sounder.cir.responses import cut_density
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.instrument.description import Sounder
 from sounder.instrument.waveform import held_template
@@ -222,3 +223,41 @@ attenuation = 40.0
         np.testing.assert_allclose(other, cirs[0], atol=1e-4 * np.abs(cirs[0]).max())
     with pytest.raises(DataError, match="phase-aligned averaging needs IQ captures"):
         impulse_responses(recording, calibrate(b2b, recording), averaging="phase-aligned")
+
+
+@pytest.mark.parametrize("kind", ["iq", "cir"])
+def test_the_noise_of_a_cut_response_is_that_of_the_captures(opened, sounder, kind):
+    """It has the spectrum of the template, held chips that are sampled, behind the same filter."""
+    template = held_template(sounder.sequence)
+    spectrum = np.fft.fft(template)
+    through = np.exp(-((np.fft.fftfreq(254) / 0.65) ** 4))  # an instrument that passes less at the edge of the band
+    sent = np.fft.ifft(spectrum * through)
+    thru = sent if kind == "iq" else np.fft.ifft(spectrum * through * np.conj(spectrum)) / 254
+    content = {"x": sent * np.ones((4, 3, 1)), "iq": sent, "y": np.zeros((4, 3, 180), complex), "thru": thru}
+    grid = "[grid]\nazimuth = [10, 100, 190, 280]\nelevation = [-9, 0, 9]\n"
+    places = "[positions]\ntx = [0, 0, 28.4]\nrx = [31, -46, 1.4]\n"
+    waveform = "".join(f"{key} = {value!r}\n" for key, value in sounder.waveform.model_dump(mode="json").items())
+
+    def filter_of(captures: str, thru: str):
+        layout = f"[captures]\n{captures}\naxes = ['azimuth', 'elevation', 'sample']\n{grid}{places}[back_to_back]\n"
+        layout += f"{thru}\naxes = ['sample']\nattenuation = 40.0\n[sounder.waveform]\n{waveform}"
+        (recording,), b2b = opened({name: data.astype(np.complex64) for name, data in content.items()}, layout)
+        return calibrate(b2b, recording)
+
+    whole = filter_of("dataset = 'x'", "dataset = 'iq'")
+    rate = sounder.waveform.sample_rate
+    cut = filter_of(f"dataset = 'y'\nkind = 'cir'\nsample_rate = {rate}", f"dataset = 'thru'\nkind = '{kind}'")
+    frequency = np.linspace(0.02, 0.4, 50)
+    expected, found = (np.interp(frequency, np.arange(of.size) / of.size, of) for of in (whole.noise, cut.noise))
+    np.testing.assert_allclose(found, expected, rtol=0.03)
+
+
+def test_noise_behind_a_correlator_has_the_stated_density_where_it_was_cut():
+    """The mean periodogram of white noise that was correlated and cut."""
+    rng = np.random.default_rng(3)
+    template = np.repeat(rng.choice([-1.0, 1.0], 60), 3) + 1j * rng.standard_normal(180)
+    noise = (rng.standard_normal((4000, 180)) + 1j * rng.standard_normal((4000, 180))) / np.sqrt(2)
+    cut = np.fft.ifft(np.fft.fft(noise) * np.conj(np.fft.fft(template)))[:, :50]
+    found = np.mean(np.abs(np.fft.fft(cut)) ** 2, axis=0) / 50
+    stated = cut_density(template, 50)
+    np.testing.assert_allclose(found, stated, rtol=0.08)
