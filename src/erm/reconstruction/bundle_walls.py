@@ -18,11 +18,14 @@ from erm.geometry.chains import NO_FACE, chain_images
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
+from erm.mpcs.standard_errors import SIGMAS
 from erm.mpcs.survey_widths import survey_widths
+from erm.reconstruction.clock_of_chains import ChainsAt, with_clock_of_chains
 from erm.reconstruction.curved.faces import Curved
 from erm.reconstruction.curved.fit import compared
 from erm.reconstruction.decision.chains import Chains, ChainSearch
 from erm.reconstruction.decision.decide import Decision
+from erm.reconstruction.decision.multi_bounce import MAX_MIRROR_ERROR
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import Line, Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
@@ -94,36 +97,60 @@ def bundle_walls(
     free = ~np.isin(table["reason"].values, no_chain) & fits_vertical_wall(table)
     free[concatenate_rows(wall.paths.row for wall in decision.walls)] = False
     rest = measured.take(free)
-    others = images
-    found = problem.adjust([*walls, *images], []) if positions.inexact else _as_fitted(walls, positions)
-    for _ in range(MAX_ADJUSTMENTS if len(walls) > 1 and len(rest) else 0):
-        lines, joint = _lines(walls, found)
-        free_paths = problem.without_errors(rest, positions.updated(found))
+    faces = Lines.from_list([wall.line for wall in [*walls, *images]])
+    kept = np.ones(len(faces.normal), dtype=bool)
+    found = problem.adjust([*walls, *images], [], faces) if positions.inexact else _as_fitted(walls, positions)
+
+    def chains_at(bundle: Bundle) -> ChainsAt:
+        lines, joint = _lines(walls, bundle)
+        free_paths = problem.without_errors(rest, positions.updated(bundle))
         possible = np.isfinite(free_paths.virtual_anchors()[:, 0])  # longer than the direct path
         search = ChainSearch(walls, free_paths.take(possible), max_gap)
+        return ChainsAt(search.find(lines, joint), lines, joint)
+
+    searched = len(walls) > 1 and len(rest) > 0
+    single = float(np.median(measured.length_std)) if len(measured) else np.inf
+    if searched and found.clock_std > single:
+        of_image = np.arange(-table.sizes["mpc"], 0)  # a path of no image is one of its own
+        for k, image in enumerate(images):
+            of_image[image.paths.row] = k
+        found = with_clock_of_chains(found, single, chains_at, of_image, float(np.ptp(measured.length)))
+    is_clock_known = found.clock_std < SIGMAS * single
+    # chains at one value of the clock contradict those at others
+    for _ in range(MAX_ADJUSTMENTS if searched and is_clock_known else 0):
         # found without the errors of positions, adjusted as they were measured
         before = chains
-        sets = [one._replace(paths=measured.take(one.paths.row)) for one in search.find(lines, joint)]
+        sets = [one._replace(paths=measured.take(one.paths.row)) for one in chains_at(found).chains]
         chains = concatenate_rows(one.paths.row for one in sets)
         if np.array_equal(chains, before):
             break
+        if positions.inexact:
+            faces = faces.with_replaced(
+                kept, faces.take(kept)._replace(normal=found.faces.normal, offset=found.faces.offset)
+            )
         # an image that chains off the walls explain is no face of its own
-        others = [image for image in images if np.isin(image.paths.row, chains).mean() < MAX_EXPLAINED_SHARE]
-        found = problem.adjust([*walls, *others], sets, found)
+        explained = [np.isin(image.paths.row, chains).mean() < MAX_EXPLAINED_SHARE for image in images]
+        kept = np.r_[np.ones(len(walls), dtype=bool), np.array(explained, dtype=bool)]
+        found = problem.adjust([*walls, *compress(images, kept[len(walls) :])], sets, faces.take(kept), found)
+    others = list(compress(images, kept[len(walls) :]))
     if not positions.inexact and not len(chains):
         return Adjusted(decision, curved, chains, positions)
     updated = positions.updated(found)
     lines, _ = _lines(walls, found)
-    fitted, number = [], 0
+    fitted, rejected, number = [], list(decision.rejected), 0
     corrected = problem.without_errors(decision.walls[0].all_paths, updated) if decision.walls else measured
     for wall, is_certain in zip(decision.walls, certain, strict=False):
         moved = replace(wall, all_paths=corrected)
         line = lines.line(number) if is_certain else _fitted_alone(moved.paths, wall.line, found)
-        fitted.append(replace(moved, line=line))
         number += int(is_certain)
+        if is_clock_known or line.covariance[1, 1] < MAX_MIRROR_ERROR**2:
+            fitted.append(replace(moved, line=line))
+        else:
+            rejected.append((replace(moved, line=line), Reason.COMMON_ERROR))
     if positions.inexact:
         updated = problem.restarted([*walls, *others], len(walls), found)
-    return Adjusted(decision._replace(walls=fitted), problem.fitted(found, updated), chains, updated)
+    decision = decision._replace(walls=fitted, rejected=rejected)
+    return Adjusted(decision, problem.fitted(found, updated), chains, updated)
 
 
 def _are_certain(walls: Sequence[Wall]) -> BoolArray:
@@ -174,8 +201,10 @@ class _Problem:
             faces.append(face._replace(fit=fit) if np.isfinite(fit.chi_squared).all() else face)
         return self.curved._replace(faces=faces)
 
-    def adjust(self, walls: Sequence[Wall], sets: Sequence[Chains], start: Bundle | None = None) -> Bundle:
-        """Adjust walls, cylinders and positions to their paths, direct paths, and chains."""
+    def adjust(
+        self, walls: Sequence[Wall], sets: Sequence[Chains], lines: Lines, start: Bundle | None = None
+    ) -> Bundle:
+        """Adjust walls from their lines, cylinders and positions to their paths, direct paths, and chains."""
         paths = Paths.concatenate([self.direct, *(wall.paths for wall in walls), *(one.paths for one in sets)])
         faces = np.full((len(paths), MAX_BOUNCES), NO_FACE)
         first = len(self.direct)
@@ -185,7 +214,6 @@ class _Problem:
         for one in sets:
             faces[first : first + len(one.paths), : one.walls.shape[1]] = one.walls
             first += len(one.paths)
-        lines = Lines.from_list([wall.line for wall in walls])
         return adjust(
             self._as_measured(paths, faces),
             Faces(lines.normal, lines.offset, lines.pivot),
@@ -273,6 +301,7 @@ def _as_fitted(walls: Sequence[Wall], positions: PositionErrors) -> Bundle:
         face_covariance=covariance,
         common=nothing,
         common_covariance=np.diag(nothing),
+        face_common=np.zeros((count, 2, 2)),
         errors=positions.errors,
         covariance=positions.covariance,
         own_covariance=positions.own_covariance,

@@ -80,11 +80,14 @@ def make_map(
     causes += offsets(table, calibration.ambiguous)
     if not as_given:
         table = apply(table, calibration)
+    # what is not removed is exact: a common error that may be none only turns and scales the map
+    common = any(calibration.applied[name] for name in ("heading", "clock"))
+    # but a clock that images do not show moves walls against each other
+    common |= "clock" in calibration.ambiguous and "heading" not in calibration.ambiguous
     environment, located = reconstruct_survey(
         table,
         SurveyStd(rx_std, heading_std, None if clock_std is None else clock_std * c),
-        # what is not removed is exact: a common error that may be none only turns and scales the map
-        common=not as_given and any(calibration.applied[name] for name in ("heading", "clock")),
+        common=common and not as_given,
         min_support=min_support,
         start=start,
         threshold=threshold,

@@ -113,6 +113,8 @@ class Bundle:
     common : array (2,)
         Errors of heading [degree] and clock [m] that all positions share; 0 where they were not free.
     common_covariance : array (2, 2)
+    face_common : array (face, 2, 2)
+        Covariance of (normal, offset) of each face with the common errors.
     errors : array (position, 4)
         Errors of east, north [m], heading [degree] and clock [m] of each position, the common ones included.
     covariance : array (position, 4, 4)
@@ -133,6 +135,7 @@ class Bundle:
     face_covariance: FloatArray
     common: FloatArray
     common_covariance: FloatArray
+    face_common: FloatArray
     errors: FloatArray
     covariance: FloatArray
     own_covariance: FloatArray
@@ -141,6 +144,33 @@ class Bundle:
     residual: FloatArray
     cylinders: FloatArray
     cylinder_covariance: FloatArray
+
+    @property
+    def clock_std(self) -> float:
+        """Standard error of the common clock [m]; 0 where it was not free."""
+        return float(np.sqrt(self.common_covariance[1, 1]))
+
+    def at_clock(self, clock: float, std: float) -> "Bundle":
+        """The same with a common error of the clock [m] that is known; faces and heading follow it."""
+        variance = self.common_covariance[1, 1]
+        of_common, of_faces = self.common_covariance[:, 1] / variance, self.face_common[:, :, 1] / variance
+        away, less = clock - self.common[1], variance - std**2
+        errors = self.errors.copy()
+        errors[:, (HEADING, CLOCK)] += away * of_common
+        shared = np.zeros(BLOCK)
+        shared[[HEADING, CLOCK]] = of_common
+        return replace(
+            self,
+            faces=self.faces._replace(
+                normal=self.faces.normal + away * of_faces[:, 0], offset=self.faces.offset + away * of_faces[:, 1]
+            ),
+            face_covariance=self.face_covariance - less * np.multiply.outer(of_faces, of_faces),
+            common=self.common + away * of_common,
+            common_covariance=self.common_covariance - less * np.outer(of_common, of_common),
+            face_common=self.face_common - less * of_faces[:, :, None] * of_common,
+            errors=errors,
+            covariance=self.covariance - less * np.outer(shared, shared),
+        )
 
 
 @dataclass(frozen=True)
@@ -372,6 +402,9 @@ def _result(problem: _Problem, state: _State, solution: Solution, value: FloatAr
         face_covariance=covariance[:faces, :faces].reshape(problem.faces, 2, problem.faces, 2),
         common=state.common,
         common_covariance=covariance[common:, common:] if problem.common else np.zeros((2, 2)),
+        face_common=covariance[:faces, common:].reshape(problem.faces, 2, -1)
+        if problem.common
+        else np.zeros((problem.faces, 2, 2)),
         errors=state.errors(),
         covariance=in_units.block_covariance(added.tocsr()),
         own_covariance=in_units.block_covariance(),

@@ -74,7 +74,7 @@ def remarks(located: "xr.Dataset", calibration: Calibration) -> list[str]:
     calibration : Calibration
         Of the table.
     """
-    lines = []
+    lines = _not_shown(located, calibration)
     distance = np.linalg.norm(located["tx_position"].values - located["rx_position"].values, axis=-1)
     std = np.hypot(located["delay_std"].values, calibration.spreads["clock"])
     std = np.hypot(std, calibration.remaining["clock"])
@@ -101,6 +101,22 @@ def remarks(located: "xr.Dataset", calibration: Calibration) -> list[str]:
             f"gains of {calibration.gain:.0f} dB would explain it"
         )
     return lines
+
+
+def _not_shown(located: "xr.Dataset", calibration: Calibration) -> list[str]:
+    """A line about a clock that nothing shows, and what it does to the map."""
+    if "clock" not in calibration.ambiguous or "adjusted_clock" not in located.attrs:
+        return []
+    std, left_out = calibration.std("clock"), int(np.count_nonzero(located["reason"].values == Reason.COMMON_ERROR))
+    told = (
+        f"warning: neither direct paths nor chains of reflections show the common error of the clock, "
+        f"{_shown(calibration, 'clock')}: all paths may be too long or too short by {std * c:.2f} m, and walls move "
+        "with them, as their standard errors tell"
+    )
+    return [
+        told
+        + (f"; walls of {counted(left_out, 'MPC')} that may be any face of a facade are left out" if left_out else "")
+    ]
 
 
 def calibration_line(calibration: Calibration, *, as_given: bool = False) -> str:

@@ -140,3 +140,18 @@ def test_direct_paths_alone_show_headings() -> None:
     # one azimuth of half a degree each; the largest of 24 is below four standard errors
     np.testing.assert_allclose(found.errors[seen, 2], world.errors[seen, 2], atol=2.0)
     assert not found.errors[np.setdiff1d(np.arange(len(world.errors)), seen)].any()
+
+
+def test_faces_and_headings_follow_a_clock_that_becomes_known() -> None:
+    rng = np.random.default_rng(4)
+    world = random_world(rng, (0.0, 0.0, 0.0), common=(4.0, 0.8))
+    once = (world.observations.faces != NO_FACE).sum(axis=1) == 1
+    given = SurveyStd(0.0, 0.0, 0.0)
+    found = adjust(world.observations.take(once), world.faces, len(world.errors), given, common=True)
+    same, known = found.at_clock(found.common[1], found.clock_std), found.at_clock(0.8, 0.0)
+    np.testing.assert_allclose(same.face_covariance, found.face_covariance, atol=1e-12)
+    std, before = (np.sqrt(np.einsum("fifi->fi", one.face_covariance))[:, 1] for one in (known, found))
+    assert (std < 0.7 * before).all()
+    assert (np.abs(known.faces.offset - world.faces.offset) < 3 * std).all()
+    assert known.errors[0, 2:] == pytest.approx([4.0, 0.8], abs=4 * np.sqrt(known.common_covariance[0, 0]))
+    np.testing.assert_allclose(known.covariance[:, 3, 3], 0.0, atol=1e-9)

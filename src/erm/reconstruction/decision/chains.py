@@ -166,13 +166,19 @@ class ChainSearch:
 
 def _chi_squared(paths: Paths, found: Prediction, chain: IntArray, covariance: FloatArray) -> FloatArray:
     """Chi-squared (path,) of paths against chains, the uncertainty of the walls included."""
-    slope = np.stack([found.length_slope, found.azimuth_slope], axis=1)  # (path, 2, bounce, 2)
-    spread = np.zeros((len(paths), 2, 2))
-    for one in range(chain.shape[1]):
-        for other in range(chain.shape[1]):
-            both = covariance[chain[:, one], :, chain[:, other]]
-            spread += slope[:, :, one] @ both @ slope[:, :, other].swapaxes(1, 2)
+    spread = spread_of_chains(found, chain, covariance)
     spread[:, 0, 0] += paths.length_std**2
     spread[:, 1, 1] += paths.azimuth_std**2
     apart = np.stack([paths.length - found.length, angle_difference(paths.azimuth, found.azimuth)], axis=-1)
     return np.einsum("pi,pij,pj->p", apart, np.linalg.inv(spread), apart)
+
+
+def spread_of_chains(found: Prediction, chain: IntArray, covariance: FloatArray) -> FloatArray:
+    """Covariance (path, 2, 2) of predicted lengths and azimuths from that (wall, 2, wall, 2) of the walls."""
+    slope = np.stack([found.length_slope, found.azimuth_slope], axis=1)  # (path, 2, bounce, 2)
+    spread = np.zeros((len(chain), 2, 2))
+    for one in range(chain.shape[1]):
+        for other in range(chain.shape[1]):
+            both = covariance[chain[:, one], :, chain[:, other]]
+            spread += slope[:, :, one] @ both @ slope[:, :, other].swapaxes(1, 2)
+    return spread
