@@ -19,7 +19,9 @@ def test_a_clock_that_nothing_shows_is_said_with_what_it_does_to_walls():
     assert "the common error of the clock, 1.00 ± 1.00 ns: all paths may be too long or too short by 0.30 m" in line
     assert "left out" not in line
     reasons = np.r_[[Reason.COMMON_ERROR], located["reason"].values[1:]]
-    assert remarks(located.assign(reason=("mpc", reasons)), unknown)[0].endswith("; walls of 1 MPC that may be any face of a facade are left out")
+    assert remarks(located.assign(reason=("mpc", reasons)), unknown)[0].endswith(
+        "; walls of 1 MPC that may be any face of a facade are left out"
+    )
     assert remarks(located, NOTHING_WRONG) == []
 
 
