@@ -27,7 +27,6 @@ parameters in hierarchical models (2006). Triggs et al., Bundle adjustment, a mo
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
 from scipy.special import ndtr
 
 from erm.geometry.chains import NO_FACE
@@ -41,13 +40,12 @@ from erm.survey.residuals import (
     BentPaths,
     BoolArray,
     Faces,
-    IntArray,
     MeasuredPaths,
     Residuals,
     bent_residuals,
     residuals,
 )
-from erm.survey.schur import BLOCK, NormalEquations, Solution, normal_equations, solve, total
+from erm.survey.schur import BLOCK, NormalEquations, Pattern, Solution, normal_equations, solve, total
 
 HUBER_THRESHOLD = 2.5
 """Standard errors beyond which a residual pulls with constant force (99.7 % efficient on Gaussian errors)."""
@@ -201,40 +199,32 @@ class _Problem:
         self.shared = self.first_common + 2 * common
         padded = np.where(observations.faces == NO_FACE, 0, observations.faces)  # their slopes are 0
         columns = [(2 * padded[:, :, None] + np.arange(2)).reshape(len(padded), -1)]
+        position = [observations.position]
         if bent is not None:
             columns.append(2 * self.faces + 3 * bent.number[:, None] + np.arange(3))
-        self.columns = [
-            [np.column_stack([own, np.full((len(own), int(common)), self.first_common + n)]) for own in columns]
-            for n in (1, 0)
-        ]
+            position.append(bent.paths.position)
+        of_common = np.broadcast_to(self.first_common + np.arange(2 * common), (sum(map(len, position)), 2 * common))
+        self.pattern = Pattern.of(
+            np.column_stack([_stacked(columns), of_common]), np.concatenate(position), self.shared, positions
+        )
 
     def equations(self, state: _State) -> tuple[list[NormalEquations], FloatArray]:
         """Normal equations of lengths and of azimuths, in standard errors as given; residuals (path, 2)."""
-        errors, position = state.errors(), self.observations.position
-        found = [(residuals(self.observations, state.faces, errors[position]), position)]
+        errors = state.errors()[self.pattern.position]
+        count = len(self.observations)
+        found = [residuals(self.observations, state.faces, errors[:count])]
         if self.bent is not None:
-            position = self.bent.paths.position
-            found.append((bent_residuals(self.bent, state.cylinders, errors[position]), position))
-        parts = []
-        for kind, error in ((LENGTH, CLOCK), (AZIMUTH, HEADING)):
-            own = [
-                self._equations(*one, kind, error, columns, state)
-                for one, columns in zip(found, self.columns[kind], strict=True)
-            ]
-            parts.append(total(own, np.ones(len(own))))
-        return parts, np.concatenate([one.value for one, _ in found])
-
-    def _equations(
-        self, found: Residuals, position: IntArray, kind: int, error: int, columns: IntArray, state: _State
-    ) -> NormalEquations:
-        """Normal equations of one quantity of some paths."""
-        size = np.abs(found.value[:, kind]) / state.scale[kind]
-        weight = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(size, HUBER_THRESHOLD))
-        slopes = found.by_face.reshape(len(size), 2, -1)
+            found.append(bent_residuals(self.bent, state.cylinders, errors[count:]))
+        value, by_position = (
+            np.concatenate([getattr(one, name) for one in found]) for name in ("value", "by_position")
+        )
+        slopes = _stacked([one.by_face.reshape(len(one.value), 2, -1) for one in found])
         if self.common:
-            slopes = np.concatenate([slopes, found.by_position[:, :, error, None]], axis=-1)
-        count = self.shared, self.positions
-        return normal_equations(found._replace(by_face=slopes), kind, weight, columns, position, count)
+            slopes = np.concatenate([slopes, by_position[:, :, (HEADING, CLOCK)]], axis=-1)
+        size = np.abs(value) / state.scale
+        weight = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(size, HUBER_THRESHOLD))
+        both = Residuals(value, slopes, by_position)
+        return [normal_equations(both, kind, weight[:, kind], self.pattern) for kind in (LENGTH, AZIMUTH)], value
 
     def solve(self, parts: list[NormalEquations], state: _State) -> Solution:
         """Step of the parameters; that of positions in standard deviations of their errors."""
@@ -247,12 +237,12 @@ class _Problem:
             prior[-2:] = 1 / np.square(COMMON_PRIOR)
             gradient[-2:] -= prior[-2:] * state.common
         with_prior = sum_of_parts._replace(
-            shared=(sum_of_parts.shared + sparse.diags_array(prior)).tocsr() if self.shared else sum_of_parts.shared,
+            shared=sum_of_parts.shared + np.diag(prior),
             shared_gradient=gradient,
             block=sum_of_parts.block + np.eye(BLOCK),
             block_gradient=sum_of_parts.block_gradient - own,
         )
-        return solve(with_prior)
+        return solve(with_prior, self.pattern)
 
     def stepped(self, state: _State, solution: Solution) -> _State:
         """State after a step."""
@@ -265,6 +255,12 @@ class _Problem:
         return replace(
             state, faces=faces, cylinders=cylinders, common=common, own=state.own + solution.block * by_error(state.std)
         )
+
+
+def _stacked(parts: list[np.ndarray]) -> np.ndarray:
+    """Arrays (path, ..., slope) one after another, with zeros where one has fewer slopes."""
+    width = max(part.shape[-1] for part in parts)
+    return np.concatenate([np.pad(part, [(0, 0)] * (part.ndim - 1) + [(0, width - part.shape[-1])]) for part in parts])
 
 
 def by_error(std: FloatArray) -> FloatArray:
@@ -393,9 +389,9 @@ def _result(problem: _Problem, state: _State, solution: Solution, value: FloatAr
     faces, common = 2 * problem.faces, problem.first_common
     covariance = solution.shared_covariance
     each = faces + 3 * np.arange(problem.cylinders)[:, None] + np.arange(3)
-    added = sparse.lil_array((BLOCK * problem.positions, problem.shared))
+    added = np.zeros((BLOCK, problem.shared))
     if problem.common:
-        added[HEADING::BLOCK, common] = added[CLOCK::BLOCK, common + 1] = 1.0
+        added[(HEADING, CLOCK), (common, common + 1)] = 1.0
     in_units = solution.scaled(by_error(state.std))
     return Bundle(
         faces=state.faces,
@@ -406,7 +402,7 @@ def _result(problem: _Problem, state: _State, solution: Solution, value: FloatAr
         if problem.common
         else np.zeros((problem.faces, 2, 2)),
         errors=state.errors(),
-        covariance=in_units.block_covariance(added.tocsr()),
+        covariance=in_units.block_covariance(added),
         own_covariance=in_units.block_covariance(),
         std=state.std,
         scale=state.scale,

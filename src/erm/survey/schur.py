@@ -6,7 +6,8 @@ The normal matrix of shared parameters ``s`` and the four errors ``p`` of each p
 
 With ``T = B**-1 C'``, the covariance of the shared parameters is ``S = (A - C T)**-1``. That of the errors of position
 ``i`` is ``B_i**-1 + T_i S T_i'``. Time grows in proportion to the positions; only the shared parameters have a
-dense matrix.
+dense matrix. ``C`` and ``T`` are stored where a position has a path that shows the shared parameter, four numbers each:
+these places do not change from step to step.
 
 References
 ----------
@@ -25,21 +26,45 @@ BLOCK = 4
 """Errors of one position."""
 
 
+class Pattern(NamedTuple):
+    """Which parameters show in which paths."""
+
+    columns: IntArray  # (path, slope) shared parameter of each slope
+    position: IntArray  # (path,)
+    entry: IntArray  # (path, slope), of the pair of a position and a shared parameter
+    entry_position: IntArray  # (entry,) ascending
+    entry_column: IntArray  # (entry,)
+    shared: int
+    positions: int
+
+    @classmethod
+    def of(cls, columns: IntArray, position: IntArray, shared: int, positions: int) -> "Pattern":
+        """Return the pattern of paths with shared parameters (path, slope) and positions (path,)."""
+        pair, entry = np.unique(position[:, None] * max(shared, 1) + columns, return_inverse=True)
+        at, column = np.divmod(pair, max(shared, 1))
+        return cls(columns, position, entry.reshape(columns.shape), at, column, shared, positions)
+
+    def matrix(self, entries: FloatArray) -> sparse.bsr_array:
+        """Matrix (4 position, shared) of entries (entry, 4)."""
+        start = np.searchsorted(self.entry_position, np.arange(self.positions + 1))
+        shape = (BLOCK * self.positions, self.shared)
+        return sparse.bsr_array((entries[:, :, None], self.entry_column, start), shape=shape)
+
+
 class NormalEquations(NamedTuple):
     """Normal matrix and gradient of shared parameters (shared,) and of errors (position, 4)."""
 
-    shared: sparse.csr_array  # A (shared, shared)
-    cross: sparse.csr_array  # C (shared, 4 position)
+    shared: FloatArray  # A (shared, shared)
+    cross: FloatArray  # C (entry, 4)
     block: FloatArray  # B (position, 4, 4)
     shared_gradient: FloatArray  # (shared,)
     block_gradient: FloatArray  # (position, 4)
 
     def scaled(self, std: FloatArray) -> "NormalEquations":
         """Return the equations of errors in units of their standard deviations (4,); these may be 0."""
-        scale = sparse.diags_array(np.tile(std, len(self.block)))
         return NormalEquations(
             self.shared,
-            self.cross @ scale,
+            self.cross * std,
             self.block * std[:, None] * std,
             self.shared_gradient,
             self.block_gradient * std,
@@ -49,103 +74,97 @@ class NormalEquations(NamedTuple):
 class Solution(NamedTuple):
     """Solution of normal equations and its covariance."""
 
+    pattern: Pattern
     shared: FloatArray  # (shared,)
     block: FloatArray  # (position, 4)
     shared_covariance: FloatArray  # (shared, shared)
     block_inverse: FloatArray  # B**-1 (position, 4, 4)
-    transfer: sparse.csr_array  # T (4 position, shared)
+    transfer: FloatArray  # T (entry, 4)
+    spread: FloatArray  # T S (position, 4, shared)
 
     def scaled(self, std: FloatArray) -> "Solution":
         """Return the solution in the units of errors (4,) that it measures in their standard deviations."""
-        scale = sparse.diags_array(np.tile(std, len(self.block)))
-        inverse = self.block_inverse * std[:, None] * std
-        return self._replace(block=self.block * std, block_inverse=inverse, transfer=(scale @ self.transfer).tocsr())
+        return self._replace(
+            block=self.block * std,
+            block_inverse=self.block_inverse * std[:, None] * std,
+            transfer=self.transfer * std,
+            spread=self.spread * std[:, None],
+        )
 
-    def block_covariance(self, added: sparse.csr_array | None = None) -> FloatArray:
-        """Covariance (position, 4, 4) of the errors, or of errors plus ``added`` (4 position, shared) shared ones."""
-        slope = -self.transfer if added is None else added - self.transfer
-        spread = slope @ self.shared_covariance
-        count = len(self.block_inverse)
-        dense = np.asarray(slope.todense()).reshape(count, BLOCK, -1)
-        return self.block_inverse + np.einsum("pis,pjs->pij", spread.reshape(count, BLOCK, -1), dense)
+    def block_covariance(self, added: FloatArray | None = None) -> FloatArray:
+        """Covariance (position, 4, 4) of the errors, or of errors plus ``added`` (4, shared) shared ones."""
+        of_entry = self._spread_of_entries()
+        own = _sums(self.pattern.entry_position, of_entry[:, :, None] * self.transfer[:, None, :], len(self.block))
+        covariance = self.block_inverse + own
+        if added is None:
+            return covariance
+        both = self.spread @ added.T
+        return np.asarray(covariance + added @ self.shared_covariance @ added.T - both - both.swapaxes(-1, -2))
 
     def trace(self, part: NormalEquations) -> float:
         """Trace of the covariance times a part of the normal matrix: parameters that this part determines."""
-        across = part.cross @ self.transfer
-        inner = _block_diagonal(part.block) @ self.transfer
-        reduced = part.shared - across - across.T + self.transfer.T @ inner
-        own = float(np.einsum("pij,pji->", self.block_inverse, part.block))
-        return own + float((reduced * self.shared_covariance).sum())
+        inner = np.einsum("eij,ej->ei", part.block[self.pattern.entry_position], self.transfer)
+        own = float(np.sum(self.block_inverse * part.block) + np.sum(part.shared * self.shared_covariance))
+        return own + float(np.sum((inner - 2 * part.cross) * self._spread_of_entries()))
+
+    def _spread_of_entries(self) -> FloatArray:
+        return self.spread[self.pattern.entry_position, :, self.pattern.entry_column]
 
 
-def normal_equations(
-    residual: Residuals, kind: int, weight: FloatArray, columns: IntArray, position: IntArray, count: tuple[int, int]
-) -> NormalEquations:
+def normal_equations(residual: Residuals, kind: int, weight: FloatArray, pattern: Pattern) -> NormalEquations:
     """Weighted normal equations of one measured quantity.
 
     Parameters
     ----------
     residual : Residuals
+        Its slopes ``by_face`` (path, 2, slope) by shared parameters.
     kind : int
         The quantity.
     weight : array (path,)
-    columns : array (path, bounce, 2) of int
-        Shared parameter of each slope by a face.
-    position : array (path,) of int
-    count : (int, int)
-        Numbers of shared parameters and of positions.
+    pattern : Pattern
     """
-    root = np.sqrt(weight)
-    value = residual.value[:, kind] * root
-    paths, shared = len(value), count[0]
-    by_face = residual.by_face[:, kind].reshape(paths, -1) * root[:, None]
-    by_position = residual.by_position[:, kind] * root[:, None]
-    of_face = sparse.csr_array(
-        (by_face.ravel(), (np.repeat(np.arange(paths), by_face.shape[1]), columns.ravel())), shape=(paths, shared)
-    )
-    start = np.arange(0, paths * BLOCK + 1, BLOCK)
-    column = (BLOCK * position[:, None] + np.arange(BLOCK)).ravel()
-    of_position = sparse.csr_array((by_position.ravel(), column, start), shape=(paths, BLOCK * count[1]))
-    block = np.zeros((count[1], BLOCK, BLOCK))
-    for i in range(BLOCK):
-        for j in range(i + 1):
-            block[:, i, j] = block[:, j, i] = np.bincount(position, by_position[:, i] * by_position[:, j], count[1])
+    shared, positions = pattern.shared, pattern.positions
+    value = residual.value[:, kind] * weight
+    by_shared, by_position = residual.by_face[:, kind], residual.by_position[:, kind]
+    of_shared, of_position = by_shared * weight[:, None], by_position * weight[:, None]
+    place = pattern.columns[:, :, None] * shared + pattern.columns[:, None, :]
     return NormalEquations(
-        (of_face.T @ of_face).tocsr(),
-        (of_face.T @ of_position).tocsr(),
-        block,
-        np.asarray(of_face.T @ value),
-        np.asarray(of_position.T @ value).reshape(-1, BLOCK),
+        _sums(place, of_shared[:, :, None] * by_shared[:, None, :], shared**2).reshape(shared, shared),
+        _sums(pattern.entry, of_shared[:, :, None] * by_position[:, None, :], len(pattern.entry_position)),
+        _sums(pattern.position, of_position[:, :, None] * by_position[:, None, :], positions),
+        _sums(pattern.columns, value[:, None] * by_shared, shared),
+        _sums(pattern.position, value[:, None] * by_position, positions),
     )
 
 
 def total(parts: list[NormalEquations], factors: FloatArray) -> NormalEquations:
     """Sum of normal equations, each with its factor."""
     return NormalEquations(
-        *(
-            sum((f * p for p, f in zip(column, factors, strict=True)), start=0 * column[0])
-            for column in zip(*parts, strict=True)
-        )
+        *(sum(f * p for p, f in zip(column, factors, strict=True)) for column in zip(*parts, strict=True))
     )
 
 
-def solve(equations: NormalEquations) -> Solution:
+def solve(equations: NormalEquations, pattern: Pattern) -> Solution:
     """Solve normal equations. The normal matrix must be positive definite."""
     inverse = np.asarray(np.linalg.inv(equations.block), dtype=float)
-    eliminate = _block_diagonal(inverse)
-    transfer = (eliminate @ equations.cross.T).tocsr()
-    reduced = (equations.shared - equations.cross @ transfer).toarray()
+    transfer = np.einsum("eij,ej->ei", inverse[pattern.entry_position], equations.cross)
+    across = pattern.matrix(transfer)
+    reduced = equations.shared - (pattern.matrix(equations.cross).T @ across).toarray()
     own = np.einsum("pij,pj->pi", inverse, equations.block_gradient)
-    gradient = equations.shared_gradient - equations.cross @ own.ravel()
+    of_own = np.sum(equations.cross * own[pattern.entry_position], axis=-1)
+    gradient = equations.shared_gradient - _sums(pattern.entry_column, of_own, pattern.shared)
     # parameters in units of their own errors: degrees and metres differ by orders of magnitude
     scale = 1 / np.sqrt(np.diag(reduced))
     covariance = np.linalg.inv(reduced * scale[:, None] * scale) * scale[:, None] * scale
     shared = covariance @ gradient
-    block = own - (transfer @ shared).reshape(own.shape)
-    return Solution(shared, block, covariance, inverse, transfer)
+    spread = np.asarray(across @ covariance).reshape(*own.shape, pattern.shared)
+    return Solution(pattern, shared, own - (across @ shared).reshape(own.shape), covariance, inverse, transfer, spread)
 
 
-def _block_diagonal(blocks: FloatArray) -> sparse.bsr_array:
-    """Matrix with blocks (n, 4, 4) on its diagonal."""
-    count = len(blocks)
-    return sparse.bsr_array((blocks, np.arange(count), np.arange(count + 1)), shape=(BLOCK * count, BLOCK * count))
+def _sums(number: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Sums (count, ...) of the values (*n, ...) of each number (*n,)."""
+    rest = values.shape[number.ndim :]
+    size = int(np.prod(rest))
+    place = number.reshape(-1, 1) * size + np.arange(size)
+    sums = np.bincount(place.ravel(), values.ravel(), count * size)
+    return sums.astype(np.float64).reshape(count, *rest)
