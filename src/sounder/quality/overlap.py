@@ -14,19 +14,10 @@ from sounder.quality.beams import (
     find_paths,
     shift_between,
 )
-from sounder.quality.delays import (
-    CLOSE,
-    DRIFT_FALSE_ALARM,
-    LEAST_DRIFT,
-    WINDOW,
-    Delays,
-    clock_drift,
-    lost_samples,
-    measure_delays,
-    slips,
-    unsettled,
-)
+from sounder.quality.clock import DRIFT_FALSE_ALARM, LEAST_DRIFT, clock_drift, lost_samples
+from sounder.quality.delays import CLOSE, WINDOW, Delays, measure_delays
 from sounder.quality.scan import Scan
+from sounder.quality.slips import slips, unsettled
 from sounder.remark import Code, Remark
 
 Real = NDArray[np.float64]

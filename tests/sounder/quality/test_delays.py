@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from sounder.quality.delays import Delays, clock_drift, lost_samples, slips, unsettled
+from sounder.quality.clock import clock_drift, lost_samples
+from sounder.quality.delays import Delays
+from sounder.quality.slips import slips, unsettled
 
 BEAMS, PATHS, SEEN = 108, 12, 15
 ORDER = np.arange(BEAMS).reshape(3, 36).T.ravel()  # beams are azimuth-major, the scan covers an elevation at a time

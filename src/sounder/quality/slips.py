@@ -1,0 +1,84 @@
+"""Directions that are shifted against others, from delays of paths in overlapping beams."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sounder.quality.beams import MIN_BEAMS
+from sounder.quality.delays import Delays
+
+Real = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+MOST = 0.75
+"""Share of the other beams that see a path, or of what a beam sees, that must agree."""
+HALF = 0.5
+"""Difference from which a delay is nearer to another sample [sample]."""
+
+
+def slips(delays: Delays, beams: int, elevations: int) -> Integers:
+    """Delay (beam,) of each beam against the others [sample]; 0 unless it has slipped by a whole number of samples.
+
+    A path counts for a beam if most other beams that see it agree; of these paths the one about which most agree tells
+    the delay of the beam, and most others, weighted by how many agree about them, must not contradict it. A slip by
+    more than a sample must show in as many paths. Two paths that are not resolved seldom look like one that is off by a
+    whole sample: the power of both is between their delays. Sidelobes show one path alone; in main lobes there may be
+    two: if no beam has slipped that sees a path through its sidelobes, two thirds of those that are off, and at least
+    three, must be off by whole samples.
+    """
+    off, agree, sure = _against_others(delays, beams, elevations)
+    shifts, far = np.zeros(beams, np.int64), np.zeros(beams, bool)
+    seeing = np.unique(delays.beam[sure])
+    suspects = 0
+    for beam in seeing:
+        own = np.flatnonzero(sure & (delays.beam == beam))
+        best = own[np.argmax(agree[own])]
+        if np.abs(off[best]) <= HALF:
+            continue
+        suspects += 1
+        shift = np.rint(off[best])
+        fits = np.abs(off[own] - shift) < delays.tolerance[own]
+        if fits.sum() >= np.abs(shift) and agree[own][fits].sum() >= MOST * agree[own].sum():
+            shifts[beam], far[beam] = shift, delays.far[best]
+    moved = np.count_nonzero(shifts)
+    alone = not shifts[far].any() and (moved < MIN_BEAMS or 3 * moved <= 2 * suspects)
+    no_reference = 2 * suspects > seeing.size
+    return np.zeros_like(shifts) if alone or no_reference else shifts
+
+
+def unsettled(delays: Delays, beams: int, elevations: int) -> Real:
+    """How far beams (beam,) are off the path about which most others agree, if they agree about none [sample]."""
+    off, agree, sure = _against_others(delays, beams, elevations)
+    figure = np.zeros(beams)
+    for beam in np.unique(delays.beam[sure]):
+        own = np.flatnonzero(sure & (delays.beam == beam))
+        if (np.abs(off[own]) > HALF).all():
+            figure[beam] = off[own[np.argmax(agree[own])]]
+    return figure
+
+
+def _against_others(delays: Delays, beams: int, elevations: int) -> tuple[Real, Integers, NDArray[np.bool_]]:
+    """Delays against the median of their paths, how many other beams agree, and whether these are most of the others.
+
+    A delay that does not tell whole samples apart is not sure either. Beams with a path in their main lobe see others
+    beside it that are not resolved, and are off by the same: the median of what they are off whole samples. The lowest
+    of them see its reflection off the ground, the highest one off a ceiling, which has its azimuth and is later: they
+    are compared with each other if all but one of them are later by the same.
+    """
+    off, group = delays.off, delays.path.copy()
+    sure = delays.tolerance < HALF
+    for path in np.unique(delays.path):
+        lobe = (delays.path == path) & ~delays.far
+        for edge in (0, elevations - 1):
+            row = lobe & (delays.beam % elevations == edge)
+            known = np.flatnonzero(row & sure)
+            late = float(np.median(off[known])) if known.size else 0.0
+            alike = np.count_nonzero(np.abs(off[known] - late) < delays.tolerance[known])
+            if late > HALF and alike >= max(MIN_BEAMS, known.size - 1):
+                off[row] -= late
+                group[row] = group.max() + 1
+        if lobe.any():
+            off[lobe] -= np.median(off[lobe] - np.rint(off[lobe]))
+    settled = np.abs(off) < delays.tolerance
+    agree = np.bincount(group, settled)[group].astype(np.int64) - settled
+    others = np.bincount(group)[group] - 1
+    return off, agree, sure & (agree >= MIN_BEAMS) & (agree >= MOST * others)
