@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from erm.common.atomic import atomic_path
 from erm.common.errors import DataError, OptionError, internal_error, with_traceback
@@ -234,7 +234,9 @@ def save_figure(drawn: "Figure | Axes", path: Path) -> None:
                 "tight" if figure.get_layout_engine() else figure.get_tightbbox().padded(rcParams["savefig.pad_inches"])
             )
             suffix = path.suffix.lower()
-            figure.savefig(content, format=suffix[1:], dpi=160, bbox_inches=box, metadata=UNDATED.get(suffix))
+            # PNG: half the time of the default level, and no larger
+            packed: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if suffix == ".png" else {}
+            figure.savefig(content, format=suffix[1:], dpi=160, bbox_inches=box, metadata=UNDATED.get(suffix), **packed)
         except ValueError as error:
             raise DataError(f"{path}: {error}") from None
         temporary.write_bytes(content.getvalue())

@@ -5,7 +5,7 @@ import json
 import math
 import os
 import stat
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from numbers import Real
 from pathlib import Path
@@ -18,6 +18,7 @@ from erm.common.gate.hdf5 import Group, open_hdf5
 from erm.common.gate.limits import current, too_large
 from erm.common.hdf5_output import new_hdf5
 from erm.common.integrity import MEMBERS, list_members, require_members
+from erm.common.kept import kept
 from erm.common.netcdf import NUMBERS, read_group, write_group
 from erm.common.usage import shortened
 from erm.common.version import __version__
@@ -125,8 +126,23 @@ def open_group(path: Path | str, group: str = "/", expected: str = "a product of
 
 
 def open_groups(path: Path | str, *groups: str, expected: str = "a product of this software") -> "list[xr.Dataset]":
-    """Load groups of a product into memory, as :func:`open_group` does; the file is opened once."""
+    """Load groups of a product into memory, as :func:`open_group` does; the file is opened once.
+
+    Within `erm.common.kept.keeping`, groups that were loaded before are not read again.
+    """
     path = Path(path)
+    held = kept()
+    if held is None or not path.is_file():
+        return _load_groups(path, groups, expected)
+    found = {group: held.get(path, group) for group in groups}
+    missing = [group for group in groups if found[group] is None]
+    for group, dataset in zip(missing, _load_groups(path, missing, expected) if missing else (), strict=True):
+        held.add(path, group, dataset)
+        found[group] = dataset
+    return [dataset for dataset in found.values() if dataset is not None]
+
+
+def _load_groups(path: Path, groups: Sequence[str], expected: str) -> "list[xr.Dataset]":
     with open_hdf5(path, expected) as file, refused(path):
         return [_load_group(file, group, expected) for group in groups]
 

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from erm.common import console
 from erm.common.errors import DataError, OptionError
+from erm.common.kept import keeping
 from erm.common.optional import require_library
 from erm.common.outputs import locked, protect_inputs, require_folder
 from erm.common.page import remove_outdated
-from erm.common.storage import open_group
+from erm.common.storage import open_groups
 from erm.evaluation.evaluate_map import evaluate_map
 from erm.figures import plot_map
 from erm.maps.environment import Environment
@@ -43,7 +44,8 @@ from sounder.campaign.result import (
     map_figure,
 )
 from sounder.campaign.survey import remarks_on_power, remarks_on_survey
-from sounder.figures.files import PARAMETER_FIGURES, draw_parameters, figure_paths, is_up_to_date
+from sounder.figures.files import figure_paths, is_up_to_date
+from sounder.figures.parameter_files import PARAMETER_FIGURES, draw_parameters
 from sounder.figures.processes import drawing
 from sounder.parameters.statistics import Statistic, campaign_statistics
 from sounder.processing.channel_parameters import channel_parameters
@@ -102,7 +104,7 @@ def run_campaign(
         campaign = load_campaign(campaign)
     out = campaign.out if out is None else Path(out)
     outline = _check_outputs(campaign, out)
-    with locked(out), console.drawing():
+    with locked(out), console.drawing(), keeping():
         return _run(campaign, out, outline, only, processed)
 
 
@@ -133,7 +135,7 @@ def _run(
     if not outcome.products:
         raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
     processed(outcome.products)
-    roots = {product: open_group(product) for product in outcome.products}
+    roots = {product: open_groups(product, "/", "/mpc", "/quality", "/daps")[0] for product in outcome.products}
     figures, missing = _figures_to_draw(campaign, out, roots)
     with drawing(missing, out / FIGURES, suffix=campaign.figures.format) as drawn:
         result = _map_and_tables(campaign, out, outline, jobs, outcome, roots)

@@ -269,7 +269,7 @@ def score(
     The score gives the numbers of found paths and false MPCs, and the errors. If the stated standard deviations are
     right, 68 % of the errors are within one standard deviation and 95 % within two.
     """
-    from sounder.figures.files import write_score
+    from sounder.figures.score_files import write_score
     from sounder.mpc.score import Gates
     from sounder.processing.scoring import score_products
 

@@ -65,7 +65,7 @@ def parameters(
     if mpcs:
         write_mpcs(read_mpcs(products)[0], mpcs)
     if figures:
-        from sounder.figures.files import draw_parameters
+        from sounder.figures.parameter_files import draw_parameters
 
         draw_parameters(table, summary, figures, suffix=file_format)
     if as_json:

@@ -1,28 +1,23 @@
-"""Figures of products and scores, drawn into files."""
+"""Figures of products, drawn into files.
+
+Processes that draw import this file, and with it only what draws.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
-from erm.common.atomic import atomic_path
 from erm.common.console import drawing, save_figure
 from erm.common.errors import DataError
 from erm.common.storage import number_in, open_groups, require_axes
-from sounder.figures import parameters as parameter_figures
 from sounder.figures import products as figures
-from sounder.figures import score as score_figures
-from sounder.mpc.score import Score
-from sounder.parameters.statistics import Statistic
 
 KINDS = ("daps_polar", "daps", "pdp")
 """Figures of a product, as their files are named."""
-PARAMETER_FIGURES = ("parameter-cdfs", "path-loss")
-"""Figures of the channel parameters of a campaign, as their files are named."""
 
 
 @drawing()
@@ -74,23 +69,6 @@ def draw_elevations(product: Path, out: Path, *, suffix: str = "png") -> list[Pa
     return [_save(figure, out / f"{product.stem}_elevations.{suffix}")]
 
 
-@drawing()
-def draw_parameters(
-    parameters: xr.Dataset, statistics: Sequence[Statistic], out: Path, *, suffix: str = "png"
-) -> list[Path]:
-    """Draw the distributions of channel parameters, and path loss over distance.
-
-    Returns
-    -------
-    list of Path
-        Files, named as :data:`PARAMETER_FIGURES` says.
-    """
-    loss = Figure(figsize=(5.6, 4.0), layout="constrained")
-    parameter_figures.path_loss(parameters, statistics, loss.add_subplot())
-    drawn = (parameter_figures.cdf_page(parameters), loss)
-    return [_save(figure, out / f"{name}.{suffix}") for name, figure in zip(PARAMETER_FIGURES, drawn, strict=True)]
-
-
 def figure_paths(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
     """Files that :func:`draw_product` writes, in the order of :data:`KINDS`."""
     return [out / f"{product.stem}_{kind}.{suffix}" for kind in KINDS]
@@ -119,37 +97,6 @@ def draw_overlay(first: Path, second: Path, out: Path, *, suffix: str = "png") -
     figure = Figure(figsize=(6.6, 4.2), layout="constrained")
     figures.daps_polar([_groups(first), _groups(second)], _polar(figure))
     return [_save(figure, out / f"{first.stem}_{second.stem}_daps_polar.{suffix}")]
-
-
-@drawing()
-def write_score(score: Score, out: Path, *, suffix: str = "png") -> list[Path]:
-    """Write a score: ``paths.csv`` with a row for each true path, and figures over SNR and over separation.
-
-    Returns
-    -------
-    list of Path
-        Files. There is no figure over the SNR if no SNR is known.
-
-    Raises
-    ------
-    DataError
-        The folder cannot be written to.
-    """
-    with atomic_path(out / "paths.csv") as temporary:
-        score.paths.to_dataframe().to_csv(temporary, index=False)
-    written = [out / "paths.csv"]
-    kinds: list[score_figures.Against] = ["snr", "separation"]
-    for against in kinds:
-        if not np.isfinite(score.paths[against].values).any():
-            continue
-        figure = Figure(figsize=(9.6, 5.6), layout="constrained")
-        first, *others = figure.subplots(2, 3).flat
-        score_figures.detection(score, first, against=against)
-        for parameter, ax in zip(score_figures.ERRORS, others, strict=False):
-            score_figures.errors(score, ax, parameter=parameter, against=against)
-        score_figures.normalised(score, others[-1])
-        written.append(_save(figure, out / f"against_{against}.{suffix}"))
-    return written
 
 
 def _groups(product: Path, *others: str) -> tuple[Any, ...]:

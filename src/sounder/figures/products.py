@@ -18,9 +18,9 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from sounder.figures.score import MPC_COLOUR
 from sounder.parameters.selection import extraction_margin
 
+MPC_COLOUR = "#d55e00"
 POWER_MAP = "viridis"
 """Colour map of power: perceptually uniform, and readable with colour-blindness."""
 OVERLAY_MAPS = ("Blues", "Oranges")
@@ -79,7 +79,9 @@ def daps_cartesian(
         One elevation of the scan [degree], on the scale of all. Default: the strongest elevation of each azimuth and
         delay.
     """
-    power = strongest_elevation(daps) if elevation is None else daps["daps"].sel(elevation=elevation)
+    end = last_visible_delay(daps)
+    shown_delays = daps["daps"].isel(delay=slice(int(np.searchsorted(daps["delay"].values, end)) + 1))
+    power = shown_delays.max("elevation") if elevation is None else shown_delays.sel(elevation=elevation)
     top = float(daps["daps"].max())
     azimuth = power["azimuth"].values
     mesh = ax.pcolormesh(
@@ -112,7 +114,7 @@ def daps_cartesian(
             label=f"MPCs ({mpc.sizes['mpc']})",
         )
         ax.legend(**LEGEND_ABOVE)
-    ax.set(xlabel="Delay (ns)", ylabel="Azimuth of arrival (°)", xlim=(0, last_visible_delay(daps) * 1e9))
+    ax.set(xlabel="Delay (ns)", ylabel="Azimuth of arrival (°)", xlim=(0, end * 1e9))
     ax.set_yticks(np.arange(0, 361, 60))
     ax.set_ylim(azimuth[0] - _half_step(azimuth), azimuth[-1] + _half_step(azimuth))
     return ax

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.special import erf
 
+from sounder.figures.products import MPC_COLOUR
 from sounder.mpc.score import Score
 
 Against = Literal["snr", "separation"]
@@ -26,7 +27,6 @@ ERRORS = {
     "path_gain": ("Path gain error (dB)", 1.0),
 }
 """Label of the axis, and its unit relative to that of the table."""
-MPC_COLOUR = "#d55e00"
 SUMMARY_COLOUR = "#0072b2"
 MIN_PATHS = 3
 """Paths that a bin must hold for an RMS error. Chosen; not derived."""

@@ -13,7 +13,7 @@ import xarray as xr
 
 from erm.common.constants import c
 from erm.common.errors import DataError, internal_error
-from erm.common.storage import open_group, provenance, sha256, write_product
+from erm.common.storage import open_groups, provenance, sha256, write_product
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.first_arrival import place_first_arrival
 from sounder.cir.impulse_response import calibrate
@@ -112,9 +112,9 @@ def existing_product(job: Job, target: Path, options: Options) -> Outcome | None
     """
     recording = job.recording
     try:
-        root = open_group(target)
+        root, quality = open_groups(target, "/", "/quality")
         evidence = root.attrs[EVIDENCE]
-        remarks = read_remarks(open_group(target, "/quality"))
+        remarks = read_remarks(quality)
         found = root["position"].values.tolist(), *(root[f"{end}_position"].values.tolist() for end in ("tx", "rx"))
         origin = _provenance(job, options) | {"sounder": recording.sounder.model_dump_json()}
     except (DataError, KeyError, TypeError, ValueError):  # made by another version or software, or an input is gone
