@@ -398,7 +398,7 @@ def _result(problem: _Problem, state: _State, solution: Solution, value: FloatAr
         face_covariance=covariance[:faces, :faces].reshape(problem.faces, 2, problem.faces, 2),
         common=state.common,
         common_covariance=covariance[common:, common:] if problem.common else np.zeros((2, 2)),
-        face_common=covariance[:faces, common:].reshape(problem.faces, 2, -1)
+        face_common=covariance[:faces, common:].reshape(problem.faces, 2, 2)
         if problem.common
         else np.zeros((problem.faces, 2, 2)),
         errors=state.errors(),

@@ -130,16 +130,18 @@ def test_position_without_paths_keeps_its_standard_deviations() -> None:
     np.testing.assert_allclose(found.covariance[-1], np.diag([0.2, 0.2, 3.0, 0.15]) ** 2, atol=1e-9)
 
 
-def test_direct_paths_alone_show_headings() -> None:
+@pytest.mark.parametrize("common", [False, True])
+def test_direct_paths_alone_show_headings(common: bool) -> None:
     rng = np.random.default_rng(9)
     world = random_world(rng, std=(0.0, 3.0, 0.0))
     direct = world.observations.take((world.observations.faces == NO_FACE).all(axis=1))
     none = Faces(np.empty(0), np.empty(0), np.empty((0, 2)))
-    found = adjust(direct, none, len(world.errors), SurveyStd(0.0, 3.0, 0.0))
+    found = adjust(direct, none, len(world.errors), SurveyStd(0.0, 3.0, 0.0), common=common)
+    assert found.face_common.shape == (0, 2, 2)
     seen = np.unique(direct.position)
     # one azimuth of half a degree each; the largest of 24 is below four standard errors
     np.testing.assert_allclose(found.errors[seen, 2], world.errors[seen, 2], atol=2.0)
-    assert not found.errors[np.setdiff1d(np.arange(len(world.errors)), seen)].any()
+    assert common or not found.errors[np.setdiff1d(np.arange(len(world.errors)), seen)].any()
 
 
 def test_faces_and_headings_follow_a_clock_that_becomes_known() -> None:
