@@ -132,7 +132,7 @@ class Options:
     keep_cir : bool
         Keep the impulse responses in the product.
     trust_all : bool
-        Say what is doubtful, but neither mend nor leave out anything.
+        Only report problems of the data; correct nothing, leave out nothing.
 
     Raises
     ------

@@ -38,7 +38,9 @@ class Code(Enum):
     NOT_FINITE = Meaning("samples are NaN, infinite or huge", "left out", leaves_out=True)
     CLIPPED = Meaning("samples are clipped", "left out; lower the receiver gain", leaves_out=True)
     COMPRESSED = Meaning(
-        "samples are compressed: their amplitudes end in a wall", "left out; lower the receiver gain", leaves_out=True
+        "samples are compressed: their amplitudes pile up at a limit",
+        "left out; lower the receiver gain",
+        leaves_out=True,
     )
     DEAD = Meaning("noise only, far more than in other directions", "left out", unit="dB", leaves_out=True)
     NOISY = Meaning("more noise than in other directions", "left out", unit="dB", leaves_out=True)
@@ -53,17 +55,20 @@ class Code(Enum):
     SNAPSHOTS_SHIFTED = Meaning("snapshots are shifted: samples were lost", "shifted back", unit="sample", fails=False)
     BURST = Meaning("a snapshot holds a burst of noise", "averaged without it", unit="dB", fails=False)
     SAMPLES_LOST = Meaning(
-        "samples are missing from a direction of the scan on", "shifted back from there on", unit="sample", fails=False
+        "samples were lost during the scan",
+        "this and all later directions are shifted back",
+        unit="sample",
+        fails=False,
     )
     SLIPPED = Meaning("the direction is shifted against others", "shifted back", unit="sample", fails=False)
     INCONSISTENT = Meaning(
-        "paths that neighbouring directions see are missing, or none of them sees its paths",
+        "paths of the neighbouring directions are missing here, or its paths are missing in all of them",
         "left out",
         unit="dB",
         leaves_out=True,
     )
     UNSETTLED = Meaning(
-        "other directions have slipped, and this one has no path at their delays",
+        "other directions are shifted, and whether this one is cannot be decided: it has no path at their delays",
         "left out",
         unit="sample",
         leaves_out=True,
@@ -95,7 +100,7 @@ class Code(Enum):
     )
 
     LOS_DELAY = Meaning(
-        "the direct path is not at the delay of the distance of the antennas",
+        "the delay of the direct path does not agree with the distance between TX and RX",
         "check trigger, clock, back-to-back and positions",
         advice=True,
         unit="s",
@@ -103,7 +108,7 @@ class Code(Enum):
     )
     NO_CLOCK = Meaning(
         "transmitter and receiver share no clock, and the first arrival may not be the direct path",
-        "its delays are not used for the map without line of sight (los = 1)",
+        "its MPCs are not used for the map; if there is line of sight, set los = 1",
         doubts=("position",),
         fails=False,
     )
@@ -135,7 +140,7 @@ class Code(Enum):
     )
     QUADRATURE_DELAYED = Meaning(
         "I and Q are a sample apart in the recording or in its back-to-back",
-        "export it again",
+        "export both again with I and Q of the same instant",
         advice=True,
         doubts=("position",),
     )
@@ -147,10 +152,10 @@ class Code(Enum):
         doubts=("path_gain",),
     )
     BACK_TO_BACK_SLIPPED = Meaning(
-        "back-to-back snapshots start at other samples", "left out", fails=True, of_calibration=True
+        "some back-to-back snapshots are shifted against the others", "left out", fails=True, of_calibration=True
     )
     BACK_TO_BACK_LIMITED = Meaning(
-        "the back-to-back samples are limited",
+        "the back-to-back samples are clipped or limited: many have the same largest value",
         "record it with less gain",
         advice=True,
         doubts=("path_gain",),

@@ -61,8 +61,8 @@ def export(
     """Write a map in another format, or set its place on earth.
 
     A map with an origin is written as GeoJSON and GeoPackage in WGS 84, or in another system by --crs. All map
-    formats keep the origin. A .gpkg has layers of walls, poles, arcs and, of a .h5 map, of reflection points, TX and
-    RX. The .xml is a scene for Sionna RT (Mitsuba 3).
+    formats keep the origin. A .gpkg has layers of walls, poles and arcs; from a .h5 map also of reflection points, TX
+    and RX. The .xml is a scene for Sionna RT (Mitsuba 3).
     """
     from dataclasses import replace
 

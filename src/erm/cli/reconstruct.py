@@ -69,7 +69,7 @@ def reconstruct(
         ),
     ] = None,
     positions_out: Annotated[
-        Path | None, typer.Option(help="Also write the positions without their errors, and these (.csv).")
+        Path | None, typer.Option(help="Also write the corrected positions and the corrections (.csv).")
     ] = None,
     calibrated: Annotated[
         Path | None, typer.Option(help="Also write the MPCs with the errors of the survey removed (.csv).")

@@ -38,7 +38,7 @@ def internal_error(error: BaseException) -> str:
     before = "".join(traceback.format_exception(error)) if with_traceback.is_set() else ""
     return (
         f"{before}internal error: {type(error).__name__}{where} ({text}); a fault of this software, not of your file: "
-        "please report it with the output of --traceback, which stands before the command"
+        "please run it again with --traceback before the command, and report what is printed"
     )
 
 

@@ -103,7 +103,7 @@ CONVENTIONS = (
         "azimuth in radians instead of degrees",
         lambda t: replace(t, azimuth=np.rad2deg(t.azimuth), azimuth_std=_degrees_of_std(t.azimuth_std)),
     ),
-    _Convention("azimuth a compass bearing (clockwise from north)", lambda t: replace(t, azimuth=90 - t.azimuth)),
+    _Convention("azimuth as compass bearing (clockwise from north)", lambda t: replace(t, azimuth=90 - t.azimuth)),
     _Convention("azimuth mirrored (clockwise from east)", lambda t: replace(t, azimuth=-t.azimuth)),
     _Convention("delay in nanoseconds instead of seconds", lambda t: _scaled_delays(t, 1e-9)),
     _Convention("delay in microseconds instead of seconds", lambda t: _scaled_delays(t, 1e-6)),
@@ -116,8 +116,8 @@ CONVENTIONS = (
         geometric=False,
     ),
     _Convention("elevation with the opposite sign", lambda t: replace(t, elevation=-t.elevation), geometric=False),
-    _Convention("elevation a zenith angle", lambda t: replace(t, elevation=90 - t.elevation), geometric=False),
-    _Convention("path_gain a loss (positive)", lambda t: replace(t, gain=-t.gain), geometric=False, searched=False),
+    _Convention("elevation as zenith angle", lambda t: replace(t, elevation=90 - t.elevation), geometric=False),
+    _Convention("path_gain as loss (positive)", lambda t: replace(t, gain=-t.gain), geometric=False, searched=False),
     _Convention(
         "frequency in GHz instead of Hz",
         lambda t: replace(t, frequency=t.frequency * 1e9),
@@ -157,7 +157,7 @@ def contradictions(table: "xr.Dataset") -> list[Cause]:
     >>> contradictions(table)
     []
     >>> contradictions(table.assign(azimuth=90 - table["azimuth"]))[0].conventions
-    ('azimuth a compass bearing (clockwise from north)', 'east and north exchanged')
+    ('azimuth as compass bearing (clockwise from north)', 'east and north exchanged')
     """
     seen = _fewer_links(Observations.of(table))
     causes: list[Cause] = []

@@ -83,8 +83,8 @@ def remarks(located: "xr.Dataset", calibration: Calibration) -> list[str]:
         at = int(np.argmax(short))
         early = distance[at] / c - located["delay"].values[at]
         lines.append(
-            f"warning: {short.sum()} of {len(short)} MPCs are shorter than the direct path beyond their errors, the "
-            f"first at {located['position'].values[at]} by {early * 1e9:.2g} ns: not used"
+            f"warning: {short.sum()} of {len(short)} MPCs arrive before the direct path could, by more than their "
+            f"errors, the first at {located['position'].values[at]} by {early * 1e9:.2g} ns: not used"
         )
     carriers, rows = np.unique([f"{value / 1e9:.4g} GHz" for value in located["frequency"].values], return_inverse=True)
     if len(carriers) > 1:

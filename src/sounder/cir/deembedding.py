@@ -225,7 +225,7 @@ def _require_peak(b2b: BackToBack, correlation: Complex, sounder: Sounder) -> No
         if b2b.kind != "iq":
             raise DataError(
                 f"{b2b.source}: {100 * gathered:.0f} % of the power of the back-to-back is around one delay; "
-                "expected at least 60 %"
+                "expected at least 60 %; check its cables, and that it is of this sounder"
             )
         waveform = sounder.sent
         which = waveform.summary

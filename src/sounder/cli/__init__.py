@@ -23,7 +23,9 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # markup would swallow units in brackets
-    help="Process raw captures of a radio channel sounder.",
+    help="Process raw captures of a radio channel sounder.\n\n"
+    "MPC: multipath component. DAPS: delay-angular power spectrum. PDP: power delay profile. Product: file with "
+    "the results of one position. Back-to-back: recording through an attenuator in place of the antennas.",
 )
 
 Layout = Annotated[Path | None, typer.Option(help="Layout (TOML) of a foreign HDF5 or MATLAB file.")]
@@ -149,7 +151,7 @@ def process(
     ] = Options.omnidirectional,
     keep_cir: Annotated[bool, typer.Option("--keep-cir", help="Keep the impulse responses in the products.")] = False,
     trust_all: Annotated[
-        bool, typer.Option("--trust-all", help="Mend and leave out nothing that is doubtful; only say it.")
+        bool, typer.Option("--trust-all", help="Only report problems of the data; correct nothing, leave out nothing.")
     ] = False,
     threads: Annotated[
         int | None, typer.Option(min=1, help="Threads in each process; default: one for each processor.")
@@ -192,7 +194,7 @@ def run(
     ] = None,
     watch: Annotated[
         bool,
-        typer.Option("--watch", help="Process recordings as they appear, tell what each is worth, renew map and page."),
+        typer.Option("--watch", help="Process recordings as they appear: print their quality, update map and page."),
     ] = False,
     interval: Annotated[float, typer.Option(min=0.1, help="--watch: time between two looks at the files [s].")] = 5.0,
 ) -> None:

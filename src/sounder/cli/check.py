@@ -15,7 +15,7 @@ def check(
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Verify the checksums of files; tell which parts are damaged."""
+    """Verify the checksums of files and name the damaged parts."""
     from sounder.processing.integrity import check_file
 
     rows: list[list[str]] = []

@@ -14,7 +14,7 @@ def report(
     out: Annotated[Path, typer.Option(help="The page: .html, one file that needs no network.")],
     title: Annotated[str, typer.Option(help="Title of the page.")] = "Campaign",
 ) -> None:
-    """Make one page of products: map, DAPS, PDP, parameters, MPCs.
+    """Make an HTML page from products: map, spectra, parameters.
 
     The page of a campaign file, with its options, is made by `sounder run`.
     """

@@ -15,15 +15,15 @@ def verify(
     artefacts: Annotated[Path, typer.Argument(help="Description of the verification (TOML).")],
     out: Annotated[Path | None, typer.Option(help="Page with all figures: .pdf, .png or .svg.")] = None,
     history: Annotated[
-        Path | None, typer.Option(help="History (CSV) for the control chart. Today is added; it is made if missing.")
+        Path | None, typer.Option(help="Data of the control chart (CSV), made if missing; results are added.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Compare the sounder with known artefacts.
+    """Test the sounder with known cables, attenuators or links.
 
-    Cables, attenuators, a corner reflector or a link of known length give the errors of delay, gain and linearity, the
-    dynamic range and the repeatability, with their standard deviations. The exit code is 1 if an error exceeds two of
-    them.
+    Cables, attenuators, a corner reflector or a link of known length show the errors of delay, gain and linearity, the
+    dynamic range and the repeatability, with their standard deviations. The exit code is 1 if an error exceeds two
+    standard deviations.
     """
     require_suffix(out, ".pdf", ".png", ".svg")
     from sounder.verification.description import load_verification
