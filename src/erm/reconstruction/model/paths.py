@@ -19,6 +19,10 @@ from erm.reconstruction.model.clutter import density_of_stronger
 if TYPE_CHECKING:
     import xarray as xr
 
+CLUTTER_ELEVATIONS = 30.0
+"""Range of the elevations of clutter [degree]: that of a scan of three elevations a beam of ten degrees apart. A larger
+scan has more, and clutter with the elevation of a wall is rarer."""
+
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
@@ -156,6 +160,13 @@ class Paths:
         """Squared deviation (path,) of the elevation from that of a path off vertical walls; 0 where it is unknown."""
         std = np.hypot(self.elevation_std, ELEVATION_STD)
         return np.nan_to_num((self.elevation_excess / std) ** 2)
+
+    @cached_property
+    def elevation_log_odds(self) -> FloatArray:
+        """Log odds (path,) of elevations to be those off vertical walls and not clutter's; 0 where unknown."""
+        spread = np.sqrt(2 * np.pi) * np.hypot(self.elevation_std, ELEVATION_STD)
+        odds = -self.elevation_misfit / 2 - np.log(np.minimum(spread / CLUTTER_ELEVATIONS, 1.0))
+        return np.where(np.isnan(self.elevation_excess), 0.0, odds)
 
     def virtual_anchors(self) -> FloatArray:
         """Mirror image (path, 2) of the transmitter that each path points to [m]."""

@@ -18,6 +18,7 @@ from erm.reconstruction.model.loss import is_diffuse
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import Ragged, list_sums
 from erm.reconstruction.model.wall import cos_incidence
+from erm.reconstruction.search.false_alarm import DISTURBED_SHARE
 from erm.reconstruction.search.greedy import Group
 from erm.reconstruction.search.images import Images
 from erm.reconstruction.search.refine_groups import ROUGH_FIT_STEPS
@@ -78,14 +79,16 @@ def split_bent_facades(paths: Paths, groups: Sequence[Group], free: BoolArray, m
 
 
 def clutter_cost(paths: Paths, free: BoolArray) -> FloatArray:
-    """Cost (path,) of taking a path for clutter: ``2 ln(1 / (2 pi s_L s_a r))``.
+    """Cost (path,) of taking a path beside a facade for none off its faces: ``2 ln(1 / (2 pi s_L s_a r))``.
 
     This is twice the logarithm of a ratio of densities: that of a wall's paths about their prediction, over the density
-    ``r`` of clutter in all lengths and azimuths of a link. At least the gate.
+    ``r`` of others: of clutter in all lengths and azimuths of a link, and of the facade's paths that others disturb, so
+    that they lie anywhere beside it. At least the gate.
     """
     links = len(np.unique(paths.link))
     excess = paths.length - np.linalg.norm(paths.tx - paths.rx, axis=-1)
     density = (np.count_nonzero(free) + 1) / links / (max(float(excess.max()), 1.0) * 360)
+    density += DISTURBED_SHARE / (4 * MAX_SETBACK * 4 * MAX_BEND)
     return np.maximum(-2 * np.log(2 * np.pi * paths.length_std * paths.azimuth_std * density), CHI_SQUARED_GATE)
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import betaln
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.reconstruction.model.fit import residuals
 from erm.reconstruction.model.line import PLANE_SPAN
@@ -38,7 +39,8 @@ def evidence(walls: Sequence[Wall]) -> Evidence:
     """Evidence of candidates to be images and no false alarms.
 
     About its prediction, a path off an image has the density ``exp(-chi2 / 2) / (2 pi s_L s_a)`` of lengths and
-    azimuths, and the losses of faces; by chance it has the density of `erm.reconstruction.model.clutter`, and any loss.
+    azimuths, the losses of faces and the elevation of a vertical one; by chance it has the density of
+    `erm.reconstruction.model.clutter`, and any loss and elevation.
     Each inlier adds the logarithm of the ratio ``q``, of ``(1 - DISTURBED_SHARE) q + DISTURBED_SHARE`` as others
     disturb some. The line costs ``ln(2 pi sqrt|C| / V)``: with the covariance ``C`` of its fit it is one of so many in
     the volume ``V`` of all normals and of `PLANE_SPAN` offsets (Laplace's method). Two paths fit any line and pay this
@@ -85,11 +87,12 @@ def log_probability_of_view(received: int, in_view: int) -> float:
 def log_odds_at_best(paths: Paths) -> FloatArray:
     """Log odds (path,) of paths to be off an image that they agree with exactly, and not there by chance."""
     chance = 2 * np.pi * paths.length_std * paths.azimuth_std * paths.clutter
-    return np.asarray(log_odds_of_loss(paths.loss, paths.loss_std) - np.log(np.maximum(chance, np.finfo(float).tiny)))
+    of_place = -np.log(np.maximum(chance, np.finfo(float).tiny))
+    return np.asarray(of_place + log_odds_of_loss(paths.loss, paths.loss_std) + paths.elevation_log_odds)
 
 
 def without_worthless(walls: Sequence[Wall]) -> list[Wall]:
-    """Candidates without the paths that are likelier to be there by chance: they show neither a wall nor its length."""
+    """Candidates without the paths that may well be there by chance: they show neither a wall nor its length."""
     found = evidence(walls)
-    worth = found.of_paths.masked(found.log_odds > 0)
+    worth = found.of_paths.masked(found.log_odds > TWENTY_TO_ONE)
     return [replace(wall, inliers=own) for wall, own in zip(walls, worth, strict=True)]

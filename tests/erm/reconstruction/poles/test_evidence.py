@@ -5,16 +5,21 @@ import pytest
 from scipy.constants import c
 
 from erm.geometry.vertical import azimuth_of, mirrored
+from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.mpcs.standard_errors import widen_errors
 from erm.mpcs.table import make_table
 from erm.reconstruction.decision.corners import corner_pairs
+from erm.reconstruction.decision.decide import KnownCurved, decide_walls
+from erm.reconstruction.decision.pieces import Links
+from erm.reconstruction.model.extent import Legs
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import seed_line
 from erm.reconstruction.model.loss import loss_at_normal_incidence, loss_error, reflection_loss, weighted_quantile
 from erm.reconstruction.model.paths import Paths
 from erm.reconstruction.model.wall import Wall, cos_incidence
 from erm.reconstruction.reconstruct import reconstruct
+from erm.reconstruction.search.consensus import find_groups
 
 FREQUENCY = 132e9
 TX = np.array([0.0, 0.0, 28.0])
@@ -119,8 +124,22 @@ def test_weak_clutter_makes_no_walls(seed):
             "azimuth_std": 1.5 * one,
         }
     )
-    environment, _ = reconstruct(select(table(clutter)))
+    selected = select(table(clutter))
+    environment, _ = reconstruct(selected)
     assert environment.reflectors.sizes["reflector"] == 0
+    # a search that asks for no evidence finds many groups; each is told to be an accident
+    measured = Paths.from_table(selected)
+    measured = measured.take(selected["accepted"].values)
+    by_chance = [
+        Wall(measured, group.line, group.inliers) for group in find_groups(measured, 3, least_evidence=-np.inf)
+    ]
+    nothing = np.empty((0, 3))
+    no_curved = KnownCurved(np.empty(0, dtype=object), lambda some, _: np.zeros(len(some), dtype=bool))
+    decision = decide_walls(
+        by_chance, [], Legs(nothing, nothing), Links(measured.tx, measured.rx), np.inf, 3, no_curved
+    )
+    assert decision.walls == []
+    assert {why for _, why in decision.rejected} == {Reason.FALSE_ALARM}
 
 
 def test_a_double_reflection_in_a_right_angled_corner_is_found_by_its_known_wall():
