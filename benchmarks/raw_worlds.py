@@ -120,7 +120,7 @@ def compare(made: World, found: erm.Environment) -> dict[str, Any]:
             m = np.array([-own[1], own[0]]) / np.hypot(*own)
             reach = (rows[:, 2:] - ends[0]) @ own / (own @ own)
             off = np.abs((rows[:, 2:] - ends[0]) @ m)
-            fits = (abs(n @ m) > np.cos(np.deg2rad(ALIKE))) & (-0.5 < reach) & (reach < 1.5)
+            fits = (abs(n @ m) > np.cos(np.deg2rad(ALIKE))) & (reach > -0.5) & (reach < 1.5)
             nearest[fits] = np.minimum(nearest, off)[fits]
         if np.median(nearest) < NEAR:
             offsets.append(float(np.median(nearest)))
