@@ -151,6 +151,13 @@ class Code(Enum):
         unit="dB",
         doubts=("path_gain",),
     )
+    PATTERN_COARSE = Meaning(
+        "rows of an antenna's cut are too far apart for the stated pattern",
+        "give a finer cut, or state the gain_error of the antenna",
+        advice=True,
+        unit="dB",
+        fails=False,
+    )
     BACK_TO_BACK_SLIPPED = Meaning(
         "some back-to-back snapshots are shifted against the others", "left out", fails=True, of_calibration=True
     )

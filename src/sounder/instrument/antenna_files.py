@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from erm.common.errors import DataError
 from erm.common.text_files import read_text, split_table
+from sounder.instrument.antenna_cut import between_rows
 
 CUTS = ("angle", "azimuth", "elevation")
 MAX_SIZE = 2**26
@@ -170,7 +171,7 @@ def _full(path: Path, first: Real, second: Real, level: Real) -> tuple[Real, Rea
 def _common_angles(horizontal: tuple[Real, Real], vertical: tuple[Real, Real]) -> dict[str, list[float]]:
     """Cuts over all angles of both; outside of its own angles a cut has its first or last level."""
     angle = np.union1d(horizontal[0], vertical[0])
-    levels = [np.interp(angle, *cut).tolist() for cut in (horizontal, vertical)]
+    levels = [between_rows(angle, *cut).tolist() for cut in (horizontal, vertical)]
     return dict(zip(CUTS, [angle.tolist(), *levels], strict=True))
 
 

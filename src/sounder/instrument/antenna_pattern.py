@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sounder.instrument.antenna_cut import between_rows
 from sounder.instrument.antenna_description import Antenna
 
 ANGLE_STEP = 0.25
@@ -18,7 +19,8 @@ class Pattern:
     """Relative gain of an antenna, separable in its own azimuth and elevation.
 
     ``g(x, y) = max(azimuth_cut(x) + elevation_cut(y), floor)`` [dB] is zero at boresight. The cuts are tabulated every
-    :data:`ANGLE_STEP` from -180 to 180 degree and linear in dB between. The product of the principal cuts is exact for
+    :data:`ANGLE_STEP` from -180 to 180 degree, measured ones by :func:`~sounder.instrument.antenna_cut.between_rows`,
+    and linear in dB between. The product of the principal cuts is exact for
     an aperture whose illumination is a product, such as a pyramidal horn.
 
     Attributes
@@ -47,10 +49,8 @@ class Pattern:
         if antenna.pattern == "flat":
             return cls(antenna.gain, np.zeros_like(angle), np.zeros_like(angle), 0.0)
         if antenna.cut is not None:
-            cuts = [
-                np.interp(angle, antenna.cut.angle, np.asarray(cut) - np.interp(0, antenna.cut.angle, cut))
-                for cut in (antenna.cut.azimuth, antenna.cut.elevation)
-            ]
+            cuts = [between_rows(angle, antenna.cut.angle, cut) for cut in (antenna.cut.azimuth, antenna.cut.elevation)]
+            cuts = [cut - cut[angle.size // 2] for cut in cuts]
         else:
             # exp(-4 ln 2 (x/hpbw)^2) in power is -3.01 dB at half the beamwidth: 12 dB times (x/hpbw)^2.
             cuts = [-12.0 * (angle / (hpbw or 360.0)) ** 2 for hpbw in (antenna.hpbw_azimuth, antenna.hpbw_elevation)]

@@ -7,6 +7,8 @@ import xarray as xr
 
 from erm.common.constants import c
 from sounder.cir.deembedding import Deembedding
+from sounder.instrument.antenna_cut import widest_gap
+from sounder.instrument.description import Sounder
 from sounder.quality.line_of_sight import LEAST_SNR, remarks_on_line_of_sight
 from sounder.quality.noise_level import remarks_on_noise_level
 from sounder.recordings.recording import Recording
@@ -37,7 +39,7 @@ def remarks_on_position(recording: Recording, groups: Mapping[str, xr.Dataset], 
     remarks = remarks_on_line_of_sight(recording, groups["/mpc"], groups["/daps"])
     if recording.sounder.clock.start == "arbitrary" and recording.los != 1:
         remarks.append(Remark(Code.NO_CLOCK))
-    remarks += remarks_on_noise_level(groups["/daps"], filter_, recording)
+    remarks += remarks_on_noise_level(groups["/daps"], filter_, recording) + remarks_on_cuts(recording.sounder)
     if (impossible := over_free_space(groups["/mpc"], recording)) is not None:
         remarks.append(impossible)
     if missing := recording.missing:
@@ -53,6 +55,20 @@ def remarks_on_position(recording: Recording, groups: Mapping[str, xr.Dataset], 
         code, why = LOST_COHERENCE[averaging]
         detail = f"{averaging} averaging keeps {100 * kept:.0f} % of the power of the strongest direction; {why}"
         remarks.append(Remark(code, figure=kept, bound=MIN_COHERENCE, detail=detail))
+    return remarks
+
+
+def remarks_on_cuts(sounder: Sounder) -> list[Remark]:
+    """Compare what the rows of measured cuts leave open between them with the error that the pattern may have."""
+    remarks = []
+    for end, antenna in (("tx_antenna", sounder.tx_antenna), ("rx_antenna", sounder.rx_antenna)):
+        gap, bound = widest_gap(antenna), 20 * np.log10(1 + antenna.pattern_error[0])
+        if gap is not None and gap.error > bound:
+            detail = (
+                f"{end}: the cut in {gap.cut} has rows {gap.step:g} degree apart, which leave its gain between them open "
+                f"by about {gap.error:.2g} dB; gain_error allows {bound:.2g} dB"
+            )
+            remarks.append(Remark(Code.PATTERN_COARSE, figure=gap.error, bound=bound, detail=detail))
     return remarks
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from scipy.constants import c
 
-from sounder.processing.remarks import over_free_space
+from sounder.processing.remarks import over_free_space, remarks_on_cuts
 from sounder.twin import receiver
 
 LENGTH = 30.0
@@ -58,3 +58,16 @@ def test_the_strongest_path_before_the_direct_one_may_not_reach_free_space_a_per
     columns = {"delay": delay, "path_gain": gain, "path_gain_std": np.array(std)}
     mpc = xr.Dataset({name: ("mpc", values) for name, values in columns.items()})
     assert (over_free_space(mpc, recording) is not None) == reported
+
+
+@pytest.mark.parametrize(("stated", "told"), [(None, True), (0.1, False)])
+def test_a_cut_in_rows_as_far_apart_as_the_beam_is_wide_is_told_with_figures(description, stated, told):
+    rows = np.arange(-180.0, 181.0, 10.0)
+    lobe = tuple(np.maximum(-12 * (rows / 20) ** 2, -40))
+    cut = {"angle": tuple(rows), "azimuth": lobe, "elevation": lobe}
+    horn = {"pattern": "cut", "cut": cut, "hpbw_azimuth": 20.0, "hpbw_elevation": 20.0, "gain_error": stated}
+    remarks = remarks_on_cuts(description(rx_antenna={"gain": 20.0, **horn}))
+    assert len(remarks) == told
+    if told:
+        assert "rx_antenna: the cut in azimuth has rows 10 degree apart" in remarks[0].meaning
+        assert remarks[0].figure > 5 * remarks[0].bound
