@@ -65,8 +65,8 @@ def remarks_on_cuts(sounder: Sounder) -> list[Remark]:
         gap, bound = widest_gap(antenna), 20 * np.log10(1 + antenna.pattern_error[0])
         if gap is not None and gap.error > bound:
             detail = (
-                f"{end}: the cut in {gap.cut} has rows {gap.step:g} degree apart, which leave its gain between them open "
-                f"by about {gap.error:.2g} dB; gain_error allows {bound:.2g} dB"
+                f"{end}: the cut in {gap.cut} has rows {gap.step:g} degree apart, which leave its gain between them "
+                f"open by about {gap.error:.2g} dB; gain_error allows {bound:.2g} dB"
             )
             remarks.append(Remark(Code.PATTERN_COARSE, figure=gap.error, bound=bound, detail=detail))
     return remarks
