@@ -13,7 +13,7 @@ FIGURES = (".png", ".pdf", ".svg")
 
 def hundredths(value: float) -> str:
     """Write a float to two decimals, an integer as it is, NaN as nothing."""
-    return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:.2f}"
+    return str(value) if isinstance(value, int) else "" if math.isnan(value) else f"{value:z.2f}"
 
 
 def three_digits(value: float) -> str:

@@ -156,4 +156,4 @@ def _cause(cause: Cause) -> str:
 
 def _shown(calibration: Calibration, name: str) -> str:
     factor, unit = SHOWN[name]
-    return f"{getattr(calibration, name) * factor:.2f} ± {calibration.std(name) * factor:.2f} {unit}"
+    return f"{getattr(calibration, name) * factor:z.2f} ± {calibration.std(name) * factor:.2f} {unit}"

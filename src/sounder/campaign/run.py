@@ -62,7 +62,7 @@ def run_campaign(
     out: Path | str | None = None,
     *,
     only: Collection[Path] | None = None,
-    processed: Callable[[list[Path]], None] = lambda products: None,
+    processed: Callable[[Outcome], None] | None = None,
 ) -> CampaignResult:
     r"""Make products, MPC table, map, figures and report of a campaign.
 
@@ -78,7 +78,7 @@ def run_campaign(
     only : collection of Path, optional
         Recordings that are used, of those of the campaign.
     processed : callable, optional
-        Called with the products when they are complete, before the map is made.
+        Called with the outcome of each position as soon as it is known, before the map is made.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def _run(
     out: Path,
     outline: NDArray[Any] | None,
     only: Collection[Path] | None,
-    processed: Callable[[list[Path]], None],
+    processed: Callable[[Outcome], None] | None,
 ) -> CampaignResult:
     jobs, failures = campaign.jobs(out, only)
     outputs = _outputs(campaign, out)
@@ -130,11 +130,11 @@ def _run(
             scheduler=processing.scheduler,
             resume=True,
             progress=advance,
+            each=processed,
         )
     failures += outcome.failures
     if not outcome.products:
         raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
-    processed(outcome.products)
     roots = {product: open_groups(product, "/", "/mpc", "/quality", "/daps")[0] for product in outcome.products}
     figures, missing = _figures_to_draw(campaign, out, roots)
     with drawing(missing, out / FIGURES, suffix=campaign.figures.format) as drawn:

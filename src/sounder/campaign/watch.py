@@ -12,6 +12,7 @@ from sounder.campaign.description import Campaign, load_campaign
 from sounder.campaign.result import REPORT
 from sounder.campaign.run import run_campaign
 from sounder.campaign.worth import worth
+from sounder.processing.position import Outcome
 
 INTERVAL = 5.0
 """Time between two looks at the folder [s]: longer than the 2 s to which some file systems round times."""
@@ -31,8 +32,9 @@ def watch_campaign(
 
     A recording counts when it is whole: neither size nor time of it, or of a file of the same name with another
     suffix, have changed from one look to the next. One that still cannot be read is told, and tried again when it
-    changes. Each new product is told in one line (`sounder.campaign.worth.worth`) before the map is made. Whatever
-    was made is kept, so that the watch can be stopped and started again at any time.
+    changes. Each new product is told in one line (`sounder.campaign.worth.worth`) as soon as it is there, also of many
+    that were waiting; then the map is made. Whatever was made is kept, so that the watch can be stopped and started
+    again at any time.
 
     Parameters
     ----------
@@ -78,16 +80,15 @@ def watch_campaign(
 
 def _run(campaign: Campaign, out: Path, ready: set[Path], tell: Callable[[str], None]) -> list[str]:
     """Run a campaign with some of its recordings, and return what is to tell besides its new products."""
-    before = {product: product.stat().st_mtime_ns for product in (out / "products").glob("*.h5")}
     lines: list[str] = []
 
-    def tell_products(products: Iterable[Path]) -> None:
-        for product in products:
+    def tell_position(outcome: Outcome) -> None:
+        for product in outcome.products:
             lines.append(worth(product))
-            if before.get(product) != product.stat().st_mtime_ns:
+            if not outcome.already:
                 tell(lines[-1])
 
-    result = run_campaign(campaign, out, only=ready, processed=tell_products)
+    result = run_campaign(campaign, out, only=ready, processed=tell_position)
     tell(f"{counted(len(result.products), 'position')}; {result.reflectors}; {out / REPORT}")
     remarks = {remark for line in lines for remark in line.split("; ")}
     return [line for line in (*result.failures, *result.notes) if line.split("; ")[0].split(": ", 2)[-1] not in remarks]

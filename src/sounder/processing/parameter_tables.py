@@ -115,7 +115,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 def _cell(value: object) -> object:
     if not isinstance(value, float):
         return value
-    return "" if np.isnan(value) else f"{value:.9g}"
+    return "" if np.isnan(value) else f"{value:z.9g}"
 
 
 def _write_text(path: Path, lines: Iterable[str]) -> None:

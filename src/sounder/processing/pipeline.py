@@ -97,6 +97,7 @@ def process(
     scheduler: str | None = None,
     resume: bool = False,
     progress: Callable[[], None] | None = None,
+    each: Callable[[Outcome], None] | None = None,
 ) -> Outcome:
     """Process recordings into products, one for each position.
 
@@ -121,6 +122,8 @@ def process(
         removed.
     progress : callable, optional
         Called after each position.
+    each : callable, optional
+        Called with the outcome of each position as soon as it is known.
 
     Returns
     -------
@@ -182,6 +185,8 @@ def process(
                     paths.release(named[index][1])
                 if progress is not None:
                     progress()
+                if each is not None:
+                    each(part)
     ordered = [parts[index] for index in range(len(jobs))]
     sources = [job.recording.source for job in jobs]
     failures = [(failure, source) for part, source in zip(ordered, sources, strict=True) for failure in part.failures]

@@ -1,30 +1,39 @@
 """DAPS and PDP of a position, reduced to what a screen shows."""
 
 import base64
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.image import imsave
 
-from sounder.figures.products import DYNAMIC_RANGE, elevations_shown, last_visible_delay, strongest_elevation
+from sounder.figures.products import (
+    DYNAMIC_RANGE,
+    POWER_MAP,
+    VISIBLE_SNR,
+    elevations_shown,
+    last_visible_delay,
+    strongest_elevation,
+)
 from sounder.parameters.selection import extraction_margin
 from sounder.report.numbers import rounded
 
 MAX_CELLS = 12_288
-"""Most cells of a DAPS on the page: 16 kB of text each, 12 MB for 700 positions. Chosen."""
+"""Most cells of a DAPS on the page: 10 kB of text each, 7 MB for 700 positions. Chosen."""
 MAX_BINS = 512
 """Most delay bins of a PDP on the page: more than a chart has pixels on a phone. Chosen."""
 
 
 def reduce_daps(daps: xr.Dataset) -> dict[str, Any]:
-    """DAPS over azimuth and delay in 255 levels; the strongest elevation and delay of a cell.
+    """DAPS over azimuth and delay as a picture; the strongest elevation and delay of a cell.
 
     Returns
     -------
     dict
         ``azimuth`` [degree]; ``first`` and ``step`` of the delay [ns]; ``bins``; ``low`` and ``high`` [dB], the power
-        of the levels 1 and 255; ``levels``, a byte for each azimuth and delay in base64, 0 where there is no power;
-        ``elevations``, in words.
+        of the darkest and the brightest colour; ``picture``, a PNG in base64 with a pixel for each delay and azimuth,
+        the first azimuth lowest, transparent where there is no power; ``elevations``, in words.
     """
     shown = daps.isel(delay=np.flatnonzero(daps["delay"].values <= last_visible_delay(daps))).sortby("azimuth")
     most = max(MAX_CELLS // max(shown.sizes["azimuth"], 1), 1)
@@ -32,15 +41,16 @@ def reduce_daps(daps: xr.Dataset) -> dict[str, Any]:
     known = power[np.isfinite(power)]
     high = float(known.max()) if known.size else 0.0
     floor = float(daps["noise_floor"].median())
-    low = max(high - DYNAMIC_RANGE, floor) if np.isfinite(floor) else high - DYNAMIC_RANGE
-    scaled = np.nan_to_num((power - low) / max(high - low, 1e-9), nan=-1.0, neginf=-1.0)
-    levels = np.where(scaled < 0, 0, 1 + np.round(254 * scaled)).astype(np.uint8)
+    low = np.fmax(high - DYNAMIC_RANGE, min(floor + VISIBLE_SNR, high))
+    picture = BytesIO()
+    seen = np.ma.masked_less(power, low)
+    imsave(picture, seen, vmin=low, vmax=max(high, low + 1e-9), cmap=POWER_MAP, origin="lower", format="png")
     return {
         "azimuth": rounded(shown["azimuth"].values, 2),
-        **_delays(shown, levels.shape[1]),
+        **_delays(shown, power.shape[1]),
         "low": round(low, 1),
         "high": round(high, 1),
-        "levels": base64.b64encode(levels.tobytes()).decode("ascii"),
+        "picture": base64.b64encode(picture.getvalue()).decode("ascii"),
         "elevations": elevations_shown(daps),
     }
 

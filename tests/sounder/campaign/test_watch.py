@@ -3,10 +3,12 @@
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from threading import Event
 
 import pytest
 
 from sounder.campaign.watch import watch_campaign
+from sounder.processing.position import process_position
 from sounder.twin.scene import load_scene
 from sounder.twin.simulate import simulate
 
@@ -36,7 +38,9 @@ def simulated(tmp_path_factory) -> Path:
     return folder
 
 
-def watched(folder: Path, *events: Callable[[], object]) -> list[list[str]]:
+def watched(
+    folder: Path, *events: Callable[[], object], tell: Callable[[str], object] = lambda line: None
+) -> list[list[str]]:
     """Lines that are told after each event; the watch is stopped after the last."""
     told: list[list[str]] = [[]]
     coming = iter(events)
@@ -48,8 +52,12 @@ def watched(folder: Path, *events: Callable[[], object]) -> list[list[str]]:
         told.append([])
         event()
 
+    def note(line: str) -> None:
+        told[-1].append(line)
+        tell(line)
+
     with pytest.raises(StoppedError):
-        watch_campaign(folder / "street.toml", wait=wait, tell=lambda line: told[-1].append(line))
+        watch_campaign(folder / "street.toml", wait=wait, tell=note)
     return told
 
 
@@ -58,7 +66,7 @@ def nothing() -> None:
 
 
 @pytest.mark.slow
-def test_recordings_are_processed_when_they_are_whole_and_told_in_one_line(simulated, tmp_path):
+def test_recordings_are_processed_when_they_are_whole_and_told_in_one_line(simulated, tmp_path, monkeypatch):
     raw, out = tmp_path / "raw", tmp_path / "street"
     raw.mkdir()
     (tmp_path / "street.toml").write_text(TEXT, encoding="utf-8")
@@ -90,3 +98,15 @@ def test_recordings_are_processed_when_they_are_whole_and_told_in_one_line(simul
     assert told[1][1].startswith("2 positions; ")
     assert '"RX2"' in (out / "report.html").read_text(encoding="utf-8")
     assert (out / "products" / "RX1.h5").stat().st_mtime_ns == made
+
+    # a backlog is told position by position: the second waits here until the first was told
+    shutil.rmtree(out)
+    first_told = Event()
+
+    def in_turn(job, *others, **options):
+        assert job.recording.name != "RX2" or first_told.wait(60)
+        return process_position(job, *others, **options)
+
+    monkeypatch.setattr("sounder.processing.pipeline.process_position", in_turn)
+    told = watched(tmp_path, nothing, tell=lambda line: line.startswith("RX1: ") and first_told.set())
+    assert [line.partition(" ")[0] for line in told[1][:3]] == ["RX1:", "RX2:", "2"]

@@ -7,6 +7,7 @@ import xarray as xr
 import erm
 from erm.common.storage import open_group, provenance, write_product
 from erm.reconstruction.make_map import make_map
+from sounder.parameters.catalogue import PARAMETERS
 from sounder.parameters.statistics import campaign_statistics
 from sounder.quality.table import tabulate_remarks
 from sounder.remark import Code, Remark
@@ -62,8 +63,11 @@ def contents(tmp_path_factory) -> Contents:
         write_product(groups, path)
         products[path] = open_group(path)
     distance = [float(np.linalg.norm(link["tx_position"][0] - link["rx_position"][0])) for link in links]
+    others = {name: ("position", [123.456] * 3) for name in PARAMETERS}  # as wide as the table of positions gets
+    others |= {f"{name}_std": ("position", [0.012] * 3) for name in PARAMETERS if name != "rms_delay_spread"}
     parameters = xr.Dataset(
-        {
+        others
+        | {
             "path_loss": ("position", [90.0, 95.0, 99.0]),
             "path_loss_std": ("position", [0.5, 0.5, np.nan]),
             "rms_delay_spread": ("position", [1e-8, 3e-8, 2e-8]),

@@ -55,6 +55,8 @@ def test_the_page_answers(browser, page, contents):
     for direction in ("ascending", "descending"):
         spread.find_element("css selector", "button").click()
         assert spread.get_attribute("aria-sort") == direction
+        arrow = "getComputedStyle(document.querySelector('[aria-sort=" + direction + "] button'), '::after').content"
+        assert run(arrow) == {"ascending": '" ▲"', "descending": '" ▼"'}[direction]
         shown.append(column(0))
     assert shown == [["RX1", contents.names[2], "RX2"], ["RX2", contents.names[2], "RX1"]]
     # filters: a text, and a comparison
@@ -144,3 +146,28 @@ def test_every_mark_link_sort_and_filter_answers(browser, page):
     browser.get(page.as_uri())
     assert browser.execute_script(EVERY) == []
     assert browser.get_log("browser") == []
+
+
+def test_charts_have_numbers_on_both_axes_and_tell_lines_apart(browser, page):
+    """Distances of 13 to 20 m hold no power of ten and only one of 1, 2, 5 times one."""
+    browser.get(page.as_uri())
+    for name in ("daps", "pdp", "loss"):
+        texts = browser.find_elements("css selector", f"#{name} svg text[text-anchor=middle]")
+        assert sum(one.text.replace(".", "").isdigit() for one in texts) >= 3, name
+    entries = browser.execute_script(
+        "return [...document.querySelectorAll('#pdp .swatch')].map((one) => one.className)"
+    )
+    assert len(set(entries)) == len(entries) == 4  # PDP, threshold, noise floor, MPCs
+
+
+def test_printed_tables_lose_no_column(browser, page):
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    size = {"width": 1032, "height": 700, "deviceScaleFactor": 1, "mobile": False}  # A4 less 12 mm, 96 to the inch
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.get(page.as_uri())
+    regions = browser.find_elements("class name", "scroll")
+    wide = [one for one in regions if one.get_property("scrollWidth") > one.get_property("clientWidth")]
+    named = [one.get_attribute("aria-label") for one in wide]
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert (len(regions) > 4, named) == (True, [])

@@ -3,11 +3,15 @@
 import base64
 import json
 from html.parser import HTMLParser
+from io import BytesIO
 
+import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.image import imread
 
+from sounder.figures.products import POWER_MAP
 from sounder.report.numbers import ellipse
 from sounder.report.page import page_data
 from sounder.report.spectra import reduce_daps, reduce_pdp
@@ -102,12 +106,14 @@ def test_a_reduced_daps_keeps_the_strongest_sample_of_each_cell(contents, monkey
     monkeypatch.setattr("sounder.report.spectra.MAX_CELLS", 40)
     monkeypatch.setattr("sounder.report.spectra.MAX_BINS", 10)
     made = reduce_daps(scan)
-    levels = np.frombuffer(base64.b64decode(made["levels"]), np.uint8).reshape(4, made["bins"])
+    pixels = imread(BytesIO(base64.b64decode(made["picture"])))[::-1]  # the last row is the first azimuth
     assert made["bins"] <= 10
+    assert pixels.shape == (4, made["bins"], 4)
+    brightest = matplotlib.colormaps[POWER_MAP](1.0)
     for delay, azimuth in zip(table["delay"].values * 1e9, table["azimuth"].values, strict=True):
         cell = round((delay - made["first"]) / made["step"])
-        assert levels[round(azimuth / 90) % 4, cell] == 255
-    assert (levels > 0).sum() <= 2 * len(table["delay"]) + levels.size * (made["low"] <= -150)
+        assert pixels[round(azimuth / 90) % 4, cell] == pytest.approx(brightest, abs=1 / 255)
+    assert (pixels[..., 3] == 0).sum() >= pixels[..., 0].size - 2 * len(table["delay"])  # noise is left out
     pdp = reduce_pdp(scan, xr.Dataset(attrs={"threshold": "usc"}))
     assert max(pdp["power"]) == -130.0
     assert (pdp["floor"], pdp["threshold"], pdp["made"]) == (-170.0, -158.0, "strongest beam")

@@ -1,26 +1,17 @@
 /* Charts: lines, dots and an image over two axes. */
 
-/* Viridis, which colour-blind readers can read (van der Walt and Smith, matplotlib). */
-const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
+const DASHES = { undefined: "solid", null: "solid", "6 4": "dashed", "2 3": "dotted" };
 const GROUPS = { yes: ["LoS", "#0062a3"], no: ["NLoS", "#b84d00"], "not known": ["unknown", "#5a5a5a"] };
 
-/* Colour of a share 0 to 1, as red, green, blue. */
-function colour(share) {
-  const place = share * (VIRIDIS.length - 1);
-  const below = Math.min(Math.floor(place), VIRIDIS.length - 2);
-  const parts = (text) => [1, 3, 5].map((start) => parseInt(text.slice(start, start + 2), 16));
-  const [low, high] = [parts(VIRIDIS[below]), parts(VIRIDIS[below + 1])];
-  return low.map((value, i) => Math.round(value + (place - below) * (high[i] - value)));
-}
-
-/* Round values between two ends: steps of 1, 2, 5 times a power of ten; decades with 2 and 5 on logarithmic axes. */
+/* Round values between two ends: steps of 1, 2, 5 times a power of ten; decades with 2 and 5 on logarithmic axes that are long enough. */
 function ticks(min, max, count, log) {
   const found = [];
   if (log) {
     for (let power = Math.floor(Math.log10(min)); 10 ** power <= max; power += 1) {
       for (const digit of [1, 2, 5]) if (digit * 10 ** power >= min && digit * 10 ** power <= max) found.push(digit * 10 ** power);
     }
-    return found;
+    if (found.length > 2) return found;
+    found.length = 0;
   }
   const raw = (max - min) / count;
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -92,7 +83,7 @@ function chart(host, { title, x, y, image = null, series = [], legend = true }) 
     svg("text", { transform: `translate(14 ${(box.top + box.bottom) / 2}) rotate(-90)`, "text-anchor": "middle", "font-size": 13 }, y.title),
   );
   const entries = series.filter((one) => one.name && legend).map((one) =>
-    html("span", {}, html("span", { class: "swatch", style: `background: ${one.hollow ? "#fff" : one.colour}; border-color: ${one.colour}` }), one.name));
+    html("span", {}, html("span", { class: one.dots ? "swatch" : `swatch stroke ${DASHES[one.dash]}`, style: `background: ${one.hollow ? "#fff" : one.colour}; color: ${one.colour}` }), one.name));
   host.replaceChildren(html("figure", { class: "chart" }, html("figcaption", {}, title), drawing, html("div", { class: "legend" }, ...entries)));
 }
 

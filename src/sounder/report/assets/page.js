@@ -94,24 +94,6 @@ function choose(kind, i) {
   if (kind === "mpc") showPosition(mpcs.position[i], i);
 }
 
-/* DAPS as an image: a pixel for each delay and azimuth, azimuth upwards. */
-function picture(daps) {
-  const [width, height] = [daps.bins, daps.azimuth.length];
-  const canvas = html("canvas", { width, height });
-  const context = canvas.getContext("2d");
-  const image = context.createImageData(width, height);
-  const levels = atob(daps.levels);
-  const colours = Array.from({ length: 255 }, (_, level) => colour(level / 254));
-  for (let row = 0; row < height; row += 1) {
-    for (let column = 0; column < width; column += 1) {
-      const level = levels.charCodeAt(row * width + column);
-      if (level) image.data.set([...colours[level - 1], 255], 4 * ((height - 1 - row) * width + column));
-    }
-  }
-  context.putImageData(image, 0, 0);
-  return canvas.toDataURL();
-}
-
 function showPosition(i, mpc = null) {
   chosen = i;
   const { name, daps, pdp } = positions[i];
@@ -129,7 +111,7 @@ function showPosition(i, mpc = null) {
   chart(byId("daps"), {
     title: `DAPS of ${name}: ${daps.low} dB (dark) to ${daps.high} dB (bright), antenna included, ${daps.elevations}`,
     x: delays, y: { title: "azimuth [degree]", min: low, max: high },
-    image: { href: picture(daps), x: [delays.min, delays.max], y: [low, high] },
+    image: { href: `data:image/png;base64,${daps.picture}`, x: [delays.min, delays.max], y: [low, high] },
     series: [dots(members, (k) => wrapped(mpcs.azimuth[k])), ...at((k) => wrapped(mpcs.azimuth[k]))],
   });
   const line = pdp.power.map((power, k) => [pdp.first + k * pdp.step, power]);
@@ -163,7 +145,7 @@ function showLoss() {
     const rows = known.filter((row) => losOf(row) === los);
     if (!rows.length) return [];
     const lines = data.fits.filter((fit) => fit.group === name).map((fit) => ({
-      name: `${name}, ${fit.model}: ${number(fit.intercept, 1)} dB + 10 · ${number(fit.exponent, 2)} lg d`, colour: tone, line: true, dash: fit.model.startsWith("close") ? null : "6 4",
+      name: `${name}, ${fit.model}: ${number(fit.intercept, 1)} dB ${fit.exponent < 0 ? "−" : "+"} 10 · ${number(Math.abs(fit.exponent), 2)} lg d`, colour: tone, line: true, dash: fit.model.startsWith("close") ? null : "6 4",
       points: [x.min, x.max].map((distance) => [distance, fit.intercept + 10 * fit.exponent * Math.log10(distance)]),
     }));
     const points = rows.map((row) => [parameters.distance[row], column.values[row], column.errors[row]]);
