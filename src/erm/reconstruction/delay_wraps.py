@@ -127,7 +127,8 @@ def _hypotheses(table: "xr.Dataset", measured: Paths, free: BoolArray) -> tuple[
         within the distance at which free space gives the weakest path of the table. Those are left out that are
         likelier there by chance, whatever image they may be of.
     paths : Paths
-        These.
+        These. Any one of the hypotheses about an MPC may agree with others by chance: clutter is as many times as
+        dense about each.
     """
     rows = np.flatnonzero(free & np.isfinite(table["wrap_period"].values))
     # free space gives the weakest path of a table at this distance: nothing is received from beyond
@@ -147,7 +148,8 @@ def _hypotheses(table: "xr.Dataset", measured: Paths, free: BoolArray) -> tuple[
     possible = (loss + 2 * std > -MAX_GAIN_EXCESS) & (loss <= limit) & fits_vertical_wall(longer)
     longer = longer.assign(reflection_loss=("mpc", loss), reflection_loss_std=("mpc", std))
     longer, row = longer.isel(mpc=np.flatnonzero(possible)), row[possible]
-    paths = replace(Paths.from_table(longer, measured.clutter[row]), row=row, transmitter=measured.transmitter[row])
+    clutter = measured.clutter[row] * np.bincount(row)[row]
+    paths = replace(Paths.from_table(longer, clutter), row=row, transmitter=measured.transmitter[row])
     worth = np.flatnonzero(log_odds_at_best(paths) > 0)
     return with_faces(longer.isel(mpc=worth)), paths.take(worth)
 
