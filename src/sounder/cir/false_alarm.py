@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import betaln, gammaincc, gammaincinv
 
 from sounder.options import Threshold
@@ -12,9 +13,9 @@ NOISE_QUANTILE = 0.25
 paths. Chosen, not derived."""
 
 
-def quantile_of_noise(looks: int = 1) -> float:
-    """Power at `NOISE_QUANTILE` of the mean of ``looks`` noise powers, over its mean: ``-ln(1 - q)`` for one look."""
-    return float(gammaincinv(looks, NOISE_QUANTILE)) / looks
+def quantile_of_noise(looks: int | NDArray[np.float64] = 1, quantile: float = NOISE_QUANTILE) -> NDArray[np.float64]:
+    """Power at a quantile of the mean of ``looks`` noise powers, over its mean: ``-ln(1 - q)`` for one look."""
+    return np.asarray(gammaincinv(looks, quantile) / looks, float)
 
 
 @lru_cache(maxsize=256)

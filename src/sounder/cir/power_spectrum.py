@@ -49,8 +49,24 @@ def noise_power(power: NDArray[np.floating], looks: int = 1) -> NDArray[np.float
 
 
 def looks_of(cir: xr.Dataset) -> int:
-    """Powers of which each sample of a CIR is the mean: the snapshots where powers were averaged, else 1."""
-    return int(cir.attrs["snapshots"]) if cir.attrs.get("averaging") == "power" else 1
+    """Independent noise powers of which each sample of a CIR is the mean: 1 unless powers were averaged.
+
+    There are as many as snapshots, if the noise of each is its own. Where an instrument repeats what it recorded, or
+    what is taken for noise stays the same, there are fewer; then the floor varies more over delay than the snapshots
+    promise, and a threshold for them would take much of it for paths. How much the weakest delays vary tells their
+    number, as far as it is below that of the snapshots: the ratio of two quantiles of a gamma distribution rises with
+    it. The median ratio of the directions is taken.
+    """
+    if cir.attrs.get("averaging") != "power":
+        return 1
+    power = np.abs(cir["cir"].values) ** 2
+    low, high = (int(quantile * power.shape[-1]) for quantile in (NOISE_QUANTILE / 2, NOISE_QUANTILE))
+    weakest = np.partition(power, (low, high), axis=-1)
+    noisy = weakest[..., high] > 0  # neither without noise nor missing
+    measured = np.median(weakest[..., low][noisy] / weakest[..., high][noisy]) if noisy.any() else 1.0
+    between: NDArray[np.float64] = np.arange(1.5, int(cir.attrs["snapshots"]))
+    expected = quantile_of_noise(between, NOISE_QUANTILE / 2) / quantile_of_noise(between)
+    return 1 + int(np.searchsorted(expected, measured))
 
 
 def daps(cir: xr.Dataset, sounder: Sounder, *, omnidirectional: BeamProfile = "sum") -> xr.Dataset:
