@@ -25,11 +25,11 @@ def slips(delays: Delays, beams: int, elevations: int) -> Integers:
     two: if no beam has slipped that sees a path through its sidelobes, two thirds of those that are off, and at least
     three, must be off by whole samples.
     """
-    off, agree, sure = _against_others(delays, beams, elevations)
+    off, agree, settled = _against_others(delays, elevations)
+    sure = settled & (delays.tolerance < HALF)
     shifts, far = np.zeros(beams, np.int64), np.zeros(beams, bool)
-    seeing = np.unique(delays.beam[sure])
     suspects = 0
-    for beam in seeing:
+    for beam in np.unique(delays.beam[sure]):
         own = np.flatnonzero(sure & (delays.beam == beam))
         best = own[np.argmax(agree[own])]
         if np.abs(off[best]) <= HALF:
@@ -41,13 +41,14 @@ def slips(delays: Delays, beams: int, elevations: int) -> Integers:
             shifts[beam], far[beam] = shift, delays.far[best]
     moved = np.count_nonzero(shifts)
     alone = not shifts[far].any() and (moved < MIN_BEAMS or 3 * moved <= 2 * suspects)
-    no_reference = 2 * suspects > seeing.size
+    no_reference = 2 * suspects > np.unique(delays.beam[settled]).size
     return np.zeros_like(shifts) if alone or no_reference else shifts
 
 
 def unsettled(delays: Delays, beams: int, elevations: int) -> Real:
     """How far beams (beam,) are off the path about which most others agree, if they agree about none [sample]."""
-    off, agree, sure = _against_others(delays, beams, elevations)
+    off, agree, settled = _against_others(delays, elevations)
+    sure = settled & (delays.tolerance < HALF)
     figure = np.zeros(beams)
     for beam in np.unique(delays.beam[sure]):
         own = np.flatnonzero(sure & (delays.beam == beam))
@@ -56,21 +57,22 @@ def unsettled(delays: Delays, beams: int, elevations: int) -> Real:
     return figure
 
 
-def _against_others(delays: Delays, beams: int, elevations: int) -> tuple[Real, Integers, NDArray[np.bool_]]:
-    """Delays against the median of their paths, how many other beams agree, and whether these are most of the others.
+def _against_others(delays: Delays, elevations: int) -> tuple[Real, Integers, NDArray[np.bool_]]:
+    """Delays against the median of their paths, how many other beams agree, and whether these settle it.
 
-    A delay that does not tell whole samples apart is not sure either. Beams with a path in their main lobe see others
-    beside it that are not resolved, and are off by the same: the median of what they are off whole samples. The lowest
-    of them see its reflection off the ground, the highest one off a ceiling, which has its azimuth and is later: they
-    are compared with each other if all but one of them are later by the same.
+    They do if most agree, or if most of those that see it through their sidelobes agree and most others are off by
+    whole samples.
+
+    Beams with a path in their main lobe see others beside it that are not resolved, and are off by the same: the median
+    of what they are off whole samples. The lowest of them see its reflection off the ground, the highest one off a
+    ceiling, which has its azimuth and is later: they are compared with each other if all but one are later by the same.
     """
     off, group = delays.off, delays.path.copy()
-    sure = delays.tolerance < HALF
     for path in np.unique(delays.path):
         lobe = (delays.path == path) & ~delays.far
         for edge in (0, elevations - 1):
             row = lobe & (delays.beam % elevations == edge)
-            known = np.flatnonzero(row & sure)
+            known = np.flatnonzero(row & (delays.tolerance < HALF))
             late = float(np.median(off[known])) if known.size else 0.0
             alike = np.count_nonzero(np.abs(off[known] - late) < delays.tolerance[known])
             if late > HALF and alike >= max(MIN_BEAMS, known.size - 1):
@@ -78,7 +80,12 @@ def _against_others(delays: Delays, beams: int, elevations: int) -> tuple[Real, 
                 group[row] = group.max() + 1
         if lobe.any():
             off[lobe] -= np.median(off[lobe] - np.rint(off[lobe]))
-    settled = np.abs(off) < delays.tolerance
-    agree = np.bincount(group, settled)[group].astype(np.int64) - settled
-    others = np.bincount(group)[group] - 1
-    return off, agree, sure & (agree >= MIN_BEAMS) & (agree >= MOST * others)
+    fits = np.abs(off) < delays.tolerance
+    whole = np.abs(off - np.rint(off)) < delays.tolerance
+    seen, agree, seen_far, agree_far, agree_whole = (
+        np.bincount(group, one)[group] for one in (fits | True, fits, delays.far, fits & delays.far, whole)
+    )
+    most = agree - fits >= MOST * (seen - 1)
+    most |= (agree_far >= np.maximum(MIN_BEAMS, MOST * seen_far)) & (agree_whole >= MOST * seen)
+    agree = agree.astype(np.int64) - fits
+    return off, agree, most & (agree >= MIN_BEAMS)

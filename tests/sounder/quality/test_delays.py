@@ -1,5 +1,7 @@
 """Lost samples, slips and drift from delays of paths in overlapping beams."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -87,3 +89,24 @@ def test_one_path_in_the_sidelobes_of_all_beams_tells_a_drift():
         drift, bound = clock_drift(seen, ORDER)
         assert abs(drift - total / BEAMS) < bound
         assert (abs(drift) > bound) == (total > 0)
+
+
+def test_reflections_off_the_ground_are_no_lost_samples():
+    """The lower beams of every other path are later by its own excess, right at a change of elevation in the scan."""
+    for seed in range(20):
+        clean = delays(seed, np.zeros(BEAMS))
+        excess = np.random.default_rng([1, seed]).uniform(0.5, 4, PATHS) * (np.arange(PATHS) % 2)
+        excess = excess[clean.path] * (clean.beam % 3 == 0)
+        assert lost_samples(replace(clean, delay=clean.delay + excess), ORDER) == (0, 0)
+
+
+def test_all_beams_of_a_main_lobe_slipped_where_sidelobes_settle_the_path():
+    rng = np.random.default_rng(5)
+    lobe, same = np.arange(30, 39), np.zeros(BEAMS, int)
+    offset, far = np.zeros(BEAMS), np.ones(BEAMS, bool)
+    offset[lobe], far[lobe] = [1, -1, -1, -1, 1, 1, 1, -1, 1], False
+    late = offset + 0.02 * rng.normal(size=BEAMS) - 0.2 * ~far  # another path, not resolved, is seen in the main lobe
+    seen = Delays(same, np.arange(BEAMS), late, np.full(BEAMS, 0.25), far)
+    np.testing.assert_array_equal(slips(seen, BEAMS, 3), offset)
+    few = ~far | (np.arange(BEAMS) < 9)  # nine that disagree, nine others that agree
+    np.testing.assert_array_equal(slips(Delays(*(column[few] for column in vars(seen).values())), BEAMS, 3), offset)

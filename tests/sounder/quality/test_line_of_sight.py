@@ -67,3 +67,13 @@ def test_gains_of_the_wrong_scale_are_told_without_line_of_sight() -> None:
     stated = made.sounder.receiver
     assert stated.noise_figure == 8.0
     assert np.linalg.norm(TX - RX) > 50  # nobody would see the level of a path of unknown length
+
+
+def test_a_direct_path_is_not_asked_for_where_a_beam_of_its_main_lobe_is_missing() -> None:
+    """The path is found 10 degree off, and absent for who does not see that nobody listened where it comes from."""
+    made = recording(direct(azimuth=15.0, path_gain=-12.0))
+    beam = int(np.argmin(np.abs(made.azimuth - direct()["azimuth"])))
+    assert Code.LOS_ABSENT in codes(judged(made))
+    valid = np.ones((made.azimuth.size, made.elevation.size), bool)
+    valid[beam] = False
+    assert not {Code.LOS_ABSENT, Code.LOS_DIRECTION, Code.LOS_LEVEL} & codes(judged(replace(made, valid=valid)))
