@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from erm.figures.style import LEGEND_ABOVE
 from sounder.parameters.catalogue import PARAMETERS, READ_IN
 from sounder.parameters.path_loss import free_space_path_loss
 from sounder.parameters.statistics import FITS, LINES_OF_SIGHT, Statistic
@@ -106,7 +107,8 @@ def path_loss(parameters: xr.Dataset, statistics: Sequence[Statistic], ax: Axes)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter("{x:g}")
     ax.grid(alpha=0.3, which="both")
-    ax.legend(fontsize="x-small")
+    ax.tick_params(axis="x", which="both", length=3)  # numbers of both in one row
+    ax.legend(**LEGEND_ABOVE)  # within the axes it would hide positions
     return ax
 
 

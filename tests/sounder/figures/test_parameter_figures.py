@@ -25,6 +25,8 @@ def test_the_fit_goes_through_positions_on_a_line(parameters):
     assert "β = 2.00" in fit.get_label()
     np.testing.assert_allclose(fit.get_ydata(), 70 + 20 * np.log10(fit.get_xdata()), atol=1e-6)
     assert np.ptp(ax.get_ylim()) < 40  # the error of 40 dB does not set the scale
+    ax.figure.draw_without_rendering()
+    assert ax.get_legend().get_window_extent().y0 >= ax.bbox.y1  # the legend hides no position
 
 
 def test_infinite_values_keep_a_distribution_below_one(parameters):
