@@ -33,7 +33,8 @@ class StoppedError(Exception):
 def simulated(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("simulated")
     (folder / "sounder.toml").write_text(SOUNDER, encoding="utf-8")
-    (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
+    third = '[[receivers]]\nname = "RX3"\ntx = "TX"\nposition = [13, 5, 1.5]\n[[environment.walls]]'
+    (folder / "scene.toml").write_text(SCENE.replace("[[environment.walls]]", third), encoding="utf-8")
     simulate(load_scene(folder / "scene.toml"), folder)
     return folder
 
@@ -92,21 +93,17 @@ def test_recordings_are_processed_when_they_are_whole_and_told_in_one_line(simul
     assert [line for line in told[4] + others if "RX2.h5" in line]
     made = (out / "products" / "RX1.h5").stat().st_mtime_ns
 
-    shutil.copy(second, raw)
-    told = watched(tmp_path, nothing)
-    assert told[1][0].startswith("RX2: ")  # RX1 was kept
-    assert told[1][1].startswith("2 positions; ")
-    assert '"RX2"' in (out / "report.html").read_text(encoding="utf-8")
-    assert (out / "products" / "RX1.h5").stat().st_mtime_ns == made
-
-    # a backlog is told position by position: the second waits here until the first was told
-    shutil.rmtree(out)
+    # two at once: the second is not processed before the first was told
     first_told = Event()
 
     def in_turn(job, *others, **options):
-        assert job.recording.name != "RX2" or first_told.wait(60)
+        assert job.recording.name != "RX3" or first_told.wait(60)
         return process_position(job, *others, **options)
 
     monkeypatch.setattr("sounder.processing.pipeline.process_position", in_turn)
-    told = watched(tmp_path, nothing, tell=lambda line: line.startswith("RX1: ") and first_told.set())
-    assert [line.partition(" ")[0] for line in told[1][:3]] == ["RX1:", "RX2:", "2"]
+    for recording in (second, simulated / "raw" / "RX3.h5"):
+        shutil.copy(recording, raw)
+    told = watched(tmp_path, nothing, tell=lambda line: line.startswith("RX2: ") and first_told.set())
+    assert [line.partition(" ")[0] for line in told[1][:3]] == ["RX2:", "RX3:", "3"]  # RX1 was kept
+    assert '"RX2"' in (out / "report.html").read_text(encoding="utf-8")
+    assert (out / "products" / "RX1.h5").stat().st_mtime_ns == made
