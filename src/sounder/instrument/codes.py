@@ -57,15 +57,15 @@ def chirp(samples: int, cycles: float) -> Complex:
     return np.exp(1j * np.pi * cycles * (n**2 / samples - n) / samples)
 
 
-def multitone(samples: int, tones: int, spacing: int) -> Complex:
-    """Tones ``spacing`` lines apart about the carrier, without the carrier, with Newman's phases (samples,).
+def multitone(samples: int, tones: int) -> Complex:
+    """Tones at the lines about the carrier, without the carrier, with Newman's phases (samples,).
 
     References
     ----------
     D. J. Newman, "An L1 extremal problem for polynomials", Proc. AMS 16, 1965; S. Boyd, IEEE Trans. CAS 33, 1986.
     """
     below = tones // 2
-    lines = spacing * np.concatenate([np.arange(-below, 0), np.arange(1, tones - below + 1)])
+    lines = np.concatenate([np.arange(-below, 0), np.arange(1, tones - below + 1)])
     spectrum = np.zeros(samples, complex)
     spectrum[lines] = np.exp(1j * np.pi * np.arange(tones) ** 2 / tones)
     return np.fft.ifft(spectrum) * samples / np.sqrt(tones)

@@ -47,8 +47,9 @@ class Periodic(Table):
         Of ``zadoff_chu``.
     bandwidth : float
         Of ``chirp`` [Hz].
-    tones, spacing : int
-        Of ``multitone``: number of tones, and lines of the spectrum between them.
+    tones : int
+        Of ``multitone``: number of tones, at neighbouring lines of the spectrum. Tones that are further apart repeat
+        within the period, so that delays are ambiguous: their period is shorter.
     template : tuple of tuple of float
         I and Q of a period. In a file, ``file`` names a text table with the columns ``i`` and ``q`` beside it.
 
@@ -72,7 +73,6 @@ class Periodic(Table):
     root: Whole | None = None
     bandwidth: Positive | None = None
     tones: Whole | None = None
-    spacing: Whole = 1
     template: tuple[tuple[float, float], ...] | None = None
 
     @model_validator(mode="before")
@@ -92,8 +92,8 @@ class Periodic(Table):
                     raise ValueError(f"polynomial is {polynomial}; expected exponents from {self.order} to 0")
         if self.kind == "chirp" and self.bandwidth is not None and self.bandwidth > self.sample_rate:
             raise ValueError(f"bandwidth is {self.bandwidth:g} Hz; expected at most the sample rate")
-        if self.kind == "multitone" and self.spacing * (int(self.tones or 0) // 2 + 1) > self.samples // 2:
-            raise ValueError(f"{self.tones} tones {self.spacing} lines apart do not fit into {self.samples} lines")
+        if self.kind == "multitone" and int(self.tones or 0) // 2 + 1 > self.samples // 2:
+            raise ValueError(f"{self.tones} tones do not fit into {self.samples} lines")
         return self
 
     @property
@@ -107,7 +107,7 @@ class Periodic(Table):
         if self.kind in CHIPS:
             return min(2 * (self.chip_rate or self.sample_rate), self.sample_rate)
         if self.kind == "multitone" and self.tones is not None:
-            return min((self.tones + 1) * self.spacing / self.period / KEPT, self.sample_rate)
+            return min((self.tones + 1) / self.period / KEPT, self.sample_rate)
         return min((self.bandwidth or self.sample_rate) / KEPT, self.sample_rate)
 
     @property
@@ -121,7 +121,7 @@ class Periodic(Table):
         if self.kind == "chirp":
             return codes.chirp(self.samples, float(self.bandwidth or 0) * self.period)
         if self.kind == "multitone":
-            return codes.multitone(self.samples, int(self.tones or 0), self.spacing)
+            return codes.multitone(self.samples, int(self.tones or 0))
         if self.kind == "template":
             row = np.array(self.template) @ [1, 1j]
             at = np.arange(self.samples)

@@ -101,7 +101,7 @@ waveform = { file = "template.csv", sample_rate = 1e9 }
         ({"kind": "gps_ca"}, "kind is gps_ca, which needs prn"),
         ({"kind": "gps_ca", "prn": 33, "sample_rate": 1.023e6}, "waveform.prn is 33"),
         ({"kind": "gps_ca", "prn": 1, "chip_rate": 1.3e6}, "1023 chips take 786.923 samples"),
-        ({"kind": "multitone", "samples": 64, "tones": 70}, "70 tones 1 lines apart do not fit into 64 lines"),
+        ({"kind": "multitone", "samples": 64, "tones": 70}, "70 tones do not fit into 64 lines"),
         ({"kind": "noise"}, "waveform.kind is 'noise'"),
     ],
 )
