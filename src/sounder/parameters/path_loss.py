@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import gammaincinv, stdtrit
 
 from erm.common.constants import c
 
@@ -174,7 +174,7 @@ def _shadowing(residual: Real, fitted: int) -> tuple[float, Interval]:
     if freedom < 1:
         return float("nan"), UNKNOWN
     energy = float(np.sum(residual**2))
-    low, high = (float(stats.chi2.ppf((1 + sign * CONFIDENCE) / 2, freedom)) for sign in (-1, 1))
+    low, high = (2 * float(gammaincinv(freedom / 2, (1 + sign * CONFIDENCE) / 2)) for sign in (-1, 1))
     return float(np.sqrt(energy / freedom)), (float(np.sqrt(energy / high)), float(np.sqrt(energy / low)))
 
 
@@ -182,5 +182,5 @@ def _interval(value: float, std: float, freedom: int) -> Interval:
     """Interval from Student's distribution."""
     if freedom < 1:
         return UNKNOWN
-    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, freedom)) * std
+    half = float(stdtrit(freedom, (1 + CONFIDENCE) / 2)) * std
     return value - half, value + half

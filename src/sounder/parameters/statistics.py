@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import bdtr
 
 from sounder.parameters.catalogue import PARAMETERS
 from sounder.parameters.path_loss import CONFIDENCE, Fit, close_in, floating_intercept
@@ -126,7 +126,8 @@ def quantile(values: Real, share: float) -> tuple[float, float, float]:
     value = float(ordered[below])
     if part and ordered[below + 1] != value:
         value += part * (float(ordered[below + 1]) - value)
-    ranks = [int(stats.binom.ppf((1 + sign * CONFIDENCE) / 2, ordered.size, share)) for sign in (-1, 1)]
+    below_rank = bdtr(np.arange(ordered.size + 1), ordered.size, share)  # binomial distribution
+    ranks = [int(np.searchsorted(below_rank, (1 + sign * CONFIDENCE) / 2)) for sign in (-1, 1)]
     if ranks[0] < 1 or ranks[1] + 1 > ordered.size:
         return value, float("nan"), float("nan")
     return value, float(ordered[ranks[0] - 1]), float(ordered[ranks[1]])

@@ -170,7 +170,7 @@ def wall(captures: Captures) -> tuple[float, float]:
     last is at least as frequent as the last; of the ``n`` samples at these ``k + 1`` values the last has at most a
     share of ``1 / (k + 1)``. A converter or a conversion that limits piles samples up on the last one.
     """
-    from scipy.stats import binom
+    from scipy.special import bdtrik
 
     numbers = captures.reshape(-1) if captures.dtype.kind != "c" else captures.view(captures.real.dtype).reshape(-1)
     values, counts = np.unique(numbers, return_counts=True)
@@ -179,7 +179,7 @@ def wall(captures: Captures) -> tuple[float, float]:
     worst, least = 0, 0.0
     for end in (counts[: WALL_VALUES + 1], counts[: -WALL_VALUES - 2 : -1]):
         others = int(end.sum()) - 1  # the last value was met at least once
-        allowed = 1 + float(binom.isf(FALSE_ALARM / TESTS / 2, others, 1 / (WALL_VALUES + 1)))
+        allowed = 1 + float(np.ceil(bdtrik(1 - FALSE_ALARM / TESTS / 2, others, 1 / (WALL_VALUES + 1))))
         if end[0] > allowed and end[0] > worst:
             worst, least = int(end[0]), allowed
     return (worst / numbers.size, least / numbers.size) if worst else (0.0, 1.0)

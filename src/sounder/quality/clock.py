@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from erm.common.significance import FALSE_ALARM
 from sounder.quality.beams import MIN_BEAMS
@@ -98,5 +98,5 @@ def clock_drift(delays: Delays, order: Integers) -> tuple[float, float]:
         scores = np.bincount(delays.beam, weight * away * residual)
         weight = np.minimum(1, 1.5 * scale / np.maximum(np.abs(residual), 1e-9))
     error = float(np.sqrt(np.sum(scores**2) * beams / (beams - 2)) / total)
-    bound = error * float(student.isf(DRIFT_FALSE_ALARM, beams - 2))
+    bound = error * -float(stdtrit(beams - 2, DRIFT_FALSE_ALARM))
     return slope, bound if bound * order.size < UNRESOLVED else np.inf

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from erm.common.significance import FALSE_ALARM
 from sounder.cir.false_alarm import NOISE_QUANTILE
@@ -89,7 +89,7 @@ class NoiseFloors:
             return cls(np.nan, np.zeros(floor.shape), np.inf, 0.0, 1)
         # a median of n Gaussian values has the variance pi / (2 n); the trend shares the false alarms
         count = int(known.sum())
-        quantile = float(norm.isf(FALSE_ALARM / (count + 1) / 2))
+        quantile = -float(ndtri(FALSE_ALARM / (count + 1) / 2))
         bound = std * np.sqrt(1 + np.pi / 2 / count) * quantile
         sign = 1
         if _follows_gain(floor[known], agc_gain[known], bound):

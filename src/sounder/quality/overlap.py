@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from sounder.instrument.antenna_pattern import Pattern
 from sounder.quality.beams import (
@@ -115,7 +115,7 @@ def _mend_drift(scan: Scan, delays: Delays) -> bool:
     ramp = np.exp(2j * np.pi * np.multiply.outer(drift * order, frequency))
     scan.responses[...] = np.fft.ifft(np.fft.fft(scan.responses) * ramp)
     scan.power[...] = np.abs(scan.responses) ** 2
-    scan.delay_std = bound / float(norm.isf(DRIFT_FALSE_ALARM)) * order.size * sample
+    scan.delay_std = bound / -float(ndtri(DRIFT_FALSE_ALARM)) * order.size * sample
     figures = total * sample * 1e9, bound * order.size * sample * 1e9
     detail = f"the clock drifts by {figures[0]:+.2f} ns over the scan"
     scan.remarks.append(Remark(Code.CLOCK_DRIFT, figure=figures[0], bound=figures[1], detail=detail))

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from erm.common.significance import CERTAIN
 from sounder.cir.deembedding import Deembedding
@@ -103,8 +102,9 @@ def quadrature_evidence(responses: Complex, deembedding: Deembedding) -> list[fl
         loss = float(np.mean(sharp_alone - _sharpness(undo(alone), deembedding)))
         gains = _sharpness(undo(seen), deembedding) - sharp
         error = np.hypot(SCATTER * gains.std(ddof=1), relative * loss)
-        made, not_made = (student.logpdf((gains.mean() + sign * loss) / error, TAILS) for sign in (-1, 1))
-        evidence.append(float(made - not_made))
+        made, not_made = (((gains.mean() + sign * loss) / error) ** 2 for sign in (-1, 1))
+        # Student's density has the logarithm -(TAILS + 1) / 2 log(1 + x^2 / TAILS) and a constant
+        evidence.append(float((TAILS + 1) / 2 * (np.log1p(not_made / TAILS) - np.log1p(made / TAILS))))
     return evidence
 
 
