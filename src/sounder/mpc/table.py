@@ -63,8 +63,7 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
     period = scan.period / rate
     earliest = distance / c - SAME_DELAY
     delay = earliest + (found["delay"] / rate - earliest) % period
-    # the mean of the directions that the beams do not exclude
-    gain = 20 * np.log10(amplitude) + DB_PER_NEPER * found["amplitude_shift"] / amplitude - antenna.gain
+    gain = 20 * np.log10(amplitude) - antenna.gain
     covariance = _covariance(found, noise, scan, inflation)
     covariance[:, 0, 0] += clock
     covariance[:, range(4), range(4)] += stated_variance(scan.sounder, delay)
@@ -77,7 +76,7 @@ def tabulate(found: Paths, scan: Scan, distance: float, *, inflation: Real, cloc
         "delay": (delay, "s", "propagation delay"),
         "azimuth": (found["azimuth"] % 360, "degree", "azimuth of arrival, counter-clockwise from east"),
         "elevation": (
-            found["elevation"] + found["elevation_shift"] if several_elevations else np.full(len(found), np.nan),
+            found["elevation"] if several_elevations else np.full(len(found), np.nan),
             "degree",
             "elevation of arrival above the horizon",
         ),

@@ -34,7 +34,7 @@ def search_angles(
 ) -> None:
     """Fit the angles; at the edge of the fan from several directions.
 
-    Fills ``path`` with the best direction, the bounds of its fit, and what those not excluded add. Beyond the edge
+    Fills ``path`` with the best direction, the bounds of its fit, and the spread of those not excluded. Beyond the edge
     of the fan the pattern's floor makes further minima: start from several angles, the beam's own first, and that one
     kept within half its power.
     """
@@ -55,9 +55,6 @@ def search_angles(
         trial.squares = fit_near(link, view, antenna, work, free, TRIAL_STEPS, path)
         trial.azimuth, trial.elevation, trial.amplitude = path.azimuth, path.elevation, path.amplitude
         trial.sidelobe_misfit = sidelobe_misfit(view, antenna, work, link, path) if trials > 1 else 0.0
-        trial.elevation_std = 0.0
-        if trials > 1:  # not more than a beamwidth, and not 0 where there is no noise
-            trial.elevation_std = max(min(math.sqrt(path.elevation_variance), antenna.beamwidth), 1e-9)
     best = _choose(link, view, antenna, work, trials, outward, edge, path)
     path.azimuth, path.elevation = work.trials[best].azimuth, work.trials[best].elevation
     _bound(best == 0 and trials > 1, outward, edge, antenna, path)
@@ -103,11 +100,7 @@ def _choose(
     edge: float,
     path: Path,
 ) -> int:
-    """Choose among the directions tried; what those not excluded add is kept in ``path``.
-
-    The evidence of each is its likelihood times the width ``s`` of elevations that fit as well. If the farthest has the
-    share ``q`` of the evidence of both and lies ``d`` off, the mean is ``q d`` off, and the variance larger by
-    ``q (1 - q) d^2 + q s^2``.
+    """Choose among the directions tried; the spread of those not excluded is kept in ``path``.
 
     A direction beyond the half-power edge of the beam must fit clearly better than the best one within, so that neither
     interference nor noise turns a weak path into a strong one outside. Or the far beams must support it.
@@ -139,19 +132,17 @@ def _choose(
         best = inside
     variance = _variance(view, antenna, work, link, tried[best].squares)
     most = _total(work, best, variance) + ALTERNATIVE_MISFIT * variance
-    further = stronger = likelihood = width = 0.0
+    elevation_spread = amplitude_spread = 0.0
     for i in range(trials):
         ratio = math.log(tried[i].amplitude / tried[best].amplitude)
-        total = _total(work, i, variance) + STRENGTH_PRIOR * ratio * variance
-        if total < most and abs(tried[i].elevation - tried[best].elevation) > abs(further):
-            further, stronger = tried[i].elevation - tried[best].elevation, tried[best].amplitude * ratio
-            likelihood = math.exp((_total(work, best, variance) - total) / (2.0 * variance))
-            likelihood *= tried[i].elevation_std / tried[best].elevation_std
-            width = tried[i].elevation_std / further
-    share = likelihood / (1.0 + likelihood)
-    spread = math.sqrt(share * (1.0 - share + width * width))
-    path.elevation_shift, path.amplitude_shift = share * further, share * stronger
-    path.elevation_spread, path.amplitude_spread = spread * further, spread * stronger
+        if _total(work, i, variance) + STRENGTH_PRIOR * ratio * variance < most:
+            further = tried[i].elevation - tried[best].elevation
+            stronger = tried[best].amplitude * ratio
+            if abs(further) > abs(elevation_spread):
+                elevation_spread = further
+            if abs(stronger) > abs(amplitude_spread):
+                amplitude_spread = stronger
+    path.elevation_spread, path.amplitude_spread = elevation_spread, amplitude_spread
     return best
 
 

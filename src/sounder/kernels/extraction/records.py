@@ -31,8 +31,6 @@ PATH = _record(
     ("pattern_energy", np.float64),
     ("lowest_elevation", np.float64),
     ("highest_elevation", np.float64),
-    ("elevation_shift", np.float64),
-    ("amplitude_shift", np.float64),
     ("elevation_spread", np.float64),
     ("amplitude_spread", np.float64),
     ("search_angles", np.bool_),
@@ -49,9 +47,9 @@ fitted, infinite for one that the beams do not determine. ``azimuth_elevation`` 
 ``beam_gain``: amplitude of the patterns of that link's beams toward the path, relative to boresight.
 ``pattern_energy``: sum of the squared pattern toward the path over the links of the fit.
 
-``lowest_elevation`` and ``highest_elevation``: bounds of the fit [degree]. ``elevation_shift`` [degree] and
-``amplitude_shift``, ``elevation_spread`` and ``amplitude_spread``: mean and standard deviation of the differences to
-another direction that the beams do not exclude. ``search_angles``: whether the next fit searches the angles anew.
+``lowest_elevation`` and ``highest_elevation``: bounds of the fit [degree]. ``elevation_spread`` [degree] and
+``amplitude_spread``: largest differences to other directions that the beams do not exclude. ``search_angles``: whether
+the next fit searches the angles anew.
 
 A path has two such records, of its arrival and of its departure. What is of the path as a whole, such as the delay, is
 in that of the arrival; that of the departure has its angles, and the gain of the departure's beam alone.
@@ -78,9 +76,8 @@ TRIAL = _record(
     ("amplitude", np.float64),
     ("squares", np.float64),
     ("sidelobe_misfit", np.float64),
-    ("elevation_std", np.float64),
 )
-"""A direction tried: the fit from there, its squared residuals, `sidelobe_check.sidelobe_misfit`, and its error."""
+"""A direction tried: the fit from there, its squared residuals, and its `sidelobe_check.sidelobe_misfit`."""
 
 FIT_BEAMS = 9
 """Beams of a fit at either end: the one a path was found in and those around it."""
