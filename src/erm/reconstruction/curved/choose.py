@@ -69,7 +69,12 @@ def curved_faces(
             face = candidates[number]
             if face.evidence < gain:
                 break
-            without = _loss(face, search, owner, paths, left, odds, volume, min_support)
+            lost = _loss(face, search, owner, paths, left, odds, volume, min_support)
+            if face.evidence - face.log_view - lost <= gain:  # which no view raises
+                continue
+            face = candidates[number] = search.seen(face)
+            # the planes together have as many links that received nothing
+            without = max(lost + face.log_view, 0.0)
             if face.evidence - without > gain:
                 best, gain = number, face.evidence - without
         if best < 0:
@@ -120,8 +125,7 @@ def _loss(
         before = float((odds[number] - denser[paths.row[left[number]]]).sum()) + volume[number]
         after = float(odds[number][kept].sum()) + volume[number] if np.count_nonzero(kept) >= min_support else 0.0
         lost += max(before, 0.0) - max(after, 0.0)
-    # the planes together have as many links that received nothing
-    return max(lost + face.log_view, 0.0)
+    return lost
 
 
 def _plane_log_odds(paths: Paths, group: Group, search: CylinderSearch) -> np.ndarray:

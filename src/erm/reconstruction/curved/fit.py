@@ -82,7 +82,15 @@ def compared(
     paths: Paths, normal: FloatArray, centre: FloatArray, radius: float, covariance: FloatArray
 ) -> CylinderFit:
     """Paths against a cylinder."""
-    found, residual = _compare(paths, normal, np.tile([*centre, radius], (len(paths), 1)))
+    shapes = np.tile([*centre, radius], (len(paths), 1))
+    return CylinderFit(centre, radius, covariance, *compared_with_each(paths, normal, shapes))
+
+
+def compared_with_each(
+    paths: Paths, normal: FloatArray, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Paths, each against a cylinder (path, 3) of its own: chi-squared, normal, point and loss as in `CylinderFit`."""
+    found, residual = _compare(paths, normal, parameters)
     chi2 = np.where(np.isfinite(residual[:, 0]), np.sum(residual**2, axis=-1), np.inf)
     s1 = np.linalg.norm(found.point - paths.tx[:, :2], axis=-1)
     height = paths.tx[:, 2] + (paths.rx[:, 2] - paths.tx[:, 2]) * s1 / found.length
@@ -91,13 +99,11 @@ def compared(
         factor = spreading_factor(
             s1 / cos_elevation,
             (found.length - s1) / cos_elevation,
-            radius,
+            parameters[:, 2],
             found.cosine * cos_elevation,
             cos_elevation,
         )
-    return CylinderFit(
-        centre, radius, covariance, chi2, found.normal, np.column_stack([found.point, height]), -10 * np.log10(factor)
-    )
+    return chi2, found.normal, np.column_stack([found.point, height]), -10 * np.log10(factor)
 
 
 def _compare(paths: Paths, normal: FloatArray, parameters: FloatArray) -> tuple[Bounce, FloatArray]:

@@ -11,7 +11,7 @@ from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.curved.elements import ROUNDING, Elements, elements_of, normals_azimuth
-from erm.reconstruction.curved.fit import CylinderFit, compared, fit_cylinders
+from erm.reconstruction.curved.fit import CylinderFit, compared, compared_with_each, fit_cylinders
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.loss import log_odds_of_loss
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
@@ -51,7 +51,7 @@ class CurvedFace(NamedTuple):
     log_odds: FloatArray  # (inlier,) of each to be off the cylinder and not clutter
     log_clutter: FloatArray  # (inlier,) log density of clutter about each, as in `Elements`
     log_volume: float  # of the cylinder's parameters, prior included (Laplace)
-    log_view: float  # log probability that just these of the links in view received it
+    log_view: float  # log probability that just these of the links in view received it; 0 as long as it is not asked
 
     @property
     def is_thin(self) -> bool:
@@ -96,24 +96,53 @@ class CylinderSearch:
 
     def refine(self, parameters: FloatArray, covariance: FloatArray, free: IntArray | None = None) -> CurvedFace | None:
         """Let a cylinder collect the paths that agree with it, and fit it to these, until they no longer change."""
-        faces = self._faces(parameters[None], covariance[None], free)
-        return faces[0] if faces else None
+        faces = [self.seen(face) for face in self._faces(parameters[None], covariance[None], free)]
+        return faces[0] if faces and faces[0].evidence > TWENTY_TO_ONE else None
 
     def _faces(self, parameters: FloatArray, covariance: FloatArray, free: IntArray | None = None) -> list[CurvedFace]:
-        """Cylinders, the first the likeliest, exact by Fermat's principle, that are likelier than clutter."""
-        found: list[CurvedFace] = []
-        taken: list[set[int]] = []
+        """Cylinders, exact by Fermat's principle, that are likelier than clutter, whatever other links received."""
         parameters, covariance = self._settled(parameters, covariance, self._fit_paths, free)
         of, rows, _ = self._agreeing(parameters, covariance, free)
-        for number, inliers in enumerate(Ragged.from_pairs(of, rows, len(parameters))):
-            own = inliers.tolist()
-            if any(one.issuperset(own) for one in taken):
+        paths, normal, shape = self.paths.take(rows), self.normal[rows], parameters[of]
+        chi2, *columns = compared_with_each(paths, normal, shape)
+        own = self.elements.take(rows)
+        odds = path_log_odds(chi2, own) + log_odds_of_loss(own.loss - columns[2], own.loss_std)
+        inside = chi2 < CHI_SQUARED_GATE
+        count = np.bincount(of, inside, len(parameters))
+        volume = 1.5 * np.log(2 * np.pi) + np.linalg.slogdet(covariance)[1] / 2 + log_prior(parameters[:, 2])
+        # clutter is nowhere less dense than everywhere on average
+        possible = np.bincount(of[inside], odds[inside], len(parameters)) + volume > TWENTY_TO_ONE
+        edges = np.searchsorted(of, np.arange(len(parameters) + 1))
+        found: list[CurvedFace] = []
+        taken: list[set[int]] = []
+        for number in np.flatnonzero(possible & (count >= MIN_PATHS)).tolist():
+            kept = np.arange(edges[number], edges[number + 1])
+            agreeing = rows[kept].tolist()
+            larger = [place for place, one in enumerate(taken) if one.issuperset(agreeing)]
+            if any(self._is_likely(found, place) for place in larger):
                 continue
-            face = self.face(parameters[number], covariance[number], inliers)
-            if face is not None and face.evidence > TWENTY_TO_ONE:
+            kept = kept[inside[kept]]
+            clutter = self._local_clutter(own.take(kept), rows[kept])
+            fit = CylinderFit(
+                parameters[number, :2],
+                float(parameters[number, 2]),
+                covariance[number],
+                chi2[kept],
+                *(column[kept] for column in columns),
+            )
+            denser = np.maximum(clutter - own.log_clutter[kept], 0.0)
+            face = CurvedFace(
+                fit, rows[kept], odds[kept] - denser, own.log_clutter[kept] + denser, float(volume[number]), 0.0
+            )
+            if face.evidence > TWENTY_TO_ONE:
                 found.append(face)
                 taken.append(set(face.inliers.tolist()))
         return found
+
+    def _is_likely(self, faces: list[CurvedFace], place: int) -> bool:
+        """Whether one of some faces is likelier than clutter; that what other links received was asked is kept."""
+        faces[place] = self.seen(faces[place])
+        return faces[place].evidence > TWENTY_TO_ONE
 
     def _best_pairs(self, seeds: IntArray) -> tuple[FloatArray, FloatArray]:
         """Parameters (pair, 3) and covariances (pair, 3, 3) of likely pairs of seeds and partners, likeliest first."""
@@ -207,26 +236,12 @@ class CylinderSearch:
         of, rows, odds = (np.concatenate(part) for part in zip(*parts, strict=True))
         return of, rows, odds
 
-    def face(self, parameters: FloatArray, covariance: FloatArray, inliers: IntArray) -> CurvedFace | None:
-        """Cylinder with the inliers that it reflects, and its evidence."""
-        paths = self.paths.take(inliers)
-        fit = compared(paths, self.normal[inliers], parameters[:2], float(parameters[2]), covariance)
-        kept = fit.chi_squared < CHI_SQUARED_GATE
-        if np.count_nonzero(kept) < MIN_PATHS:
-            return None
-        fit = fit._replace(
-            chi_squared=fit.chi_squared[kept],
-            normal=fit.normal[kept],
-            point=fit.point[kept],
-            excess_loss=fit.excess_loss[kept],
-        )
-        inliers = inliers[kept]
-        own = self.elements.take(inliers)
-        own = own._replace(log_clutter=np.maximum(own.log_clutter, self._local_clutter(own, inliers)))
-        odds = path_log_odds(fit.chi_squared, own) + log_odds_of_loss(own.loss - fit.excess_loss, own.loss_std)
-        view = log_probability_of_view(len(inliers), self._in_view(fit, inliers))
-        volume = 1.5 * np.log(2 * np.pi) + np.linalg.slogdet(fit.covariance)[1] / 2 + log_prior(fit.radius)
-        return CurvedFace(fit, inliers, odds, own.log_clutter, float(volume), view)
+    def seen(self, face: CurvedFace) -> CurvedFace:
+        """Face with the probability that other links received nothing; it lowers the evidence."""
+        if face.log_view:
+            return face
+        view = log_probability_of_view(len(face.inliers), self._in_view(face.fit, face.inliers))
+        return face._replace(log_view=view)
 
     def _in_view(self, fit: CylinderFit, inliers: IntArray) -> int:
         """Number of links that should have received a reflection between those that were received, and as strong."""
