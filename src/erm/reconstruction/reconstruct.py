@@ -2,7 +2,7 @@
 
 from functools import partial
 from itertools import compress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -91,10 +91,29 @@ def reconstruct(
     """
     rx, heading, clock = (table.attrs.get(f"{name}_std", 0.0) for name in ("rx", "heading", "clock"))
     given = SurveyStd(rx, heading, clock * c)
-    environment, located, _ = locate_walls(
+    found = locate_walls(
         table, PositionErrors.none(table, given), min_support=min_support, max_gap=max_gap, start=start
     )
-    return environment, located
+    return as_map(found, min_support=min_support, max_gap=max_gap)
+
+
+class LocatedWalls(NamedTuple):
+    """Walls and curved faces of a table, and what they explain."""
+
+    table: "xr.Dataset"
+    """As selected; delays with whole periods added where walls explain them only so."""
+    measured: Paths
+    """All MPCs of the table."""
+    paths: Paths
+    """Those that were searched."""
+    images: list[IntArray]
+    """Paths of each common image, as measured."""
+    decision: Decision
+    curved: Curved
+    chains: IntArray
+    """Rows of the table that were reflected off several walls."""
+    positions: PositionErrors
+    """Errors that walls, chains and direct paths show."""
 
 
 def locate_walls(
@@ -104,8 +123,8 @@ def locate_walls(
     min_support: int = 3,
     max_gap: float = 15.0,
     start: IntArray | None = None,
-) -> tuple[Environment, "xr.Dataset", PositionErrors]:
-    """Reconstruct walls and poles, and the errors of positions; the arguments and results of `reconstruct`, and these.
+) -> LocatedWalls:
+    """Find walls, and the errors of positions.
 
     Parameters
     ----------
@@ -113,13 +132,6 @@ def locate_walls(
         See `reconstruct`.
     positions : PositionErrors
         What was removed from the table.
-
-    Returns
-    -------
-    environment, located
-        See `reconstruct`.
-    positions : PositionErrors
-        Errors that walls, chains and direct paths show.
     """
     measured = Paths.from_table(table)
     # the others agree with anything
@@ -160,6 +172,13 @@ def locate_walls(
     table, measured = with_wrapped_delays(table, measured, wrapped, decision.walls, count)
     curved = beside_walls(curved, decision.walls)
     decision, curved, chains, positions = bundle_walls(table, measured, decision, curved, positions, max_gap)
+    images = [group.inliers[group.inliers < count] for group in groups]
+    return LocatedWalls(table, measured, paths, images, decision, curved, chains, positions)
+
+
+def as_map(found: LocatedWalls, *, min_support: int = 3, max_gap: float = 15.0) -> tuple[Environment, "xr.Dataset"]:
+    """Find poles beside walls, and make the map; arguments and results are those of `reconstruct`."""
+    table, measured, paths, images, decision, curved, chains, _ = found
     candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
     explained = np.concatenate([chains, *(wall.paths.row for wall in [*decision.walls, *candidates])])
     pole_paths = measured.take(_may_be_off_poles(table, explained))
@@ -168,13 +187,13 @@ def locate_walls(
     curved = without_ghosts_of_poles(curved, poles, decision.walls)
     environment, located = assemble(decision, chains, poles, pole_paths, table, curved, max_gap)
     image = np.full(table.sizes["mpc"], -1)
-    for number, group in enumerate(groups):
-        image[paths.row[group.inliers[group.inliers < count]]] = number
+    for number, own in enumerate(images):
+        image[paths.row[own]] = number
     located = located.assign(image=("mpc", image))
     if len(paths):
         errors = {"delay_std": paths.length_std / c, "azimuth_std": paths.azimuth_std}
         located = located.assign_attrs({name: float(np.median(std)) for name, std in errors.items()})
-    return environment, located, positions
+    return environment, located
 
 
 def _without_curved(table: "xr.Dataset", curved: Curved) -> "xr.Dataset":

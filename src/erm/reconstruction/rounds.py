@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 from erm.maps.environment import Environment
 from erm.mpcs.selection import select, with_errors
 from erm.reconstruction.model.paths import IntArray
-from erm.reconstruction.reconstruct import locate_walls
+from erm.reconstruction.reconstruct import as_map, locate_walls
 from erm.survey.bundle import SurveyStd
 from erm.survey.positions import from_direct_paths
 
@@ -52,7 +52,9 @@ def reconstruct_survey(
     positions = from_direct_paths(table, given, common=common)
     for _ in range(MAX_ROUNDS):
         before, selected = positions, select(positions.corrected(table), **options)
-        environment, located, positions = locate_walls(selected, before, min_support=min_support, start=start)
+        found = locate_walls(selected, before, min_support=min_support, start=start)
+        positions = found.positions
         if not positions.moves(before, table):
             break
+    environment, located = as_map(found, min_support=min_support)
     return environment, positions.described(located)

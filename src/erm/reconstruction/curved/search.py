@@ -227,9 +227,11 @@ class CylinderSearch:
         parts = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))]
         for first in range(0, len(parameters), BATCH):
             some = slice(first, first + BATCH)
-            chi2, width = centre_misfit(elements, parameters[some], covariance[some])
-            of, rows = np.nonzero(chi2 < CHI_SQUARED_GATE)
-            chi2, width = chi2[of, rows], width[of, rows]
+            of, rows = _near(elements, parameters[some], covariance[some])
+            pairs = elements.take(rows[:, None]), parameters[some][of], covariance[some][of]
+            chi2, width = (column[:, 0] for column in centre_misfit(*pairs))
+            inside = chi2 < CHI_SQUARED_GATE
+            of, rows, chi2, width = of[inside], rows[inside], chi2[inside], width[inside]
             best = best_of_each_link(of, elements.link[rows], rows, chi2)
             odds = -chi2 / 2 - np.log(2 * np.pi) - width - elements.log_clutter[rows]
             parts.append((of[best] + first, free[rows[best]], odds[best]))
@@ -294,10 +296,15 @@ def radius_densities(seeds: Elements, partners: Elements) -> tuple[FloatArray, F
     radius, variance, chi2 = pair_radii(seeds, partners)
     usable = (seeds.link != partners.link) & (chi2 < CHI_SQUARED_GATE) & _is_possible(radius) & (variance < radius**2)
     radius, variance = np.where(usable, radius, np.inf), np.where(usable, variance, 1.0)
-    both = variance[:, :, None] + variance[:, None, :]
+    density = np.zeros(radius.shape)
+    order = np.argsort(~usable, axis=1, kind="stable")[:, : int(usable.sum(axis=1).max(initial=0))]
+    own, width = (np.take_along_axis(column, order, axis=1) for column in (radius, variance))
+    both = width[:, :, None] + width[:, None, :]
     with np.errstate(invalid="ignore"):
-        near = np.exp(-((radius[:, :, None] - radius[:, None, :]) ** 2) / (2 * both)) / np.sqrt(both)
-        return radius, np.where(usable, np.abs(radius) * np.nansum(near, axis=-1), 0.0)
+        near = np.exp(-((own[:, :, None] - own[:, None, :]) ** 2) / (2 * both)) / np.sqrt(both)
+        together = np.abs(own) * np.nansum(near, axis=-1)
+    np.put_along_axis(density, order, np.where(np.isfinite(own), together, 0.0), axis=1)
+    return radius, density
 
 
 def _best_of_each(score: FloatArray, *keys: np.ndarray) -> IntArray:
@@ -358,6 +365,20 @@ def centre_misfit(own: Elements, parameters: FloatArray, covariance: FloatArray)
     chi2 = (east * east * d - 2 * east * north * b + north * north * a) / determinant
     turned = np.abs(own.turned[..., 0] + radius * own.turned[..., 1])
     return chi2, np.log(determinant) / 2 - np.log(np.maximum(turned, ROUNDING))
+
+
+def _near(own: Elements, parameters: FloatArray, covariance: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs (pair,) of cylinders (cylinder, 3) and elements (path,) that may be in the gate of `centre_misfit`.
+
+    No eigenvalue of ``V`` exceeds its trace: ``d' V**-1 d >= |d|**2 / tr V``.
+    """
+    radius, c = parameters[:, 2, None], covariance
+    away = sum((own.point[:, i] - parameters[:, i, None] - radius * own.normal[:, i]) ** 2 for i in range(2))
+    constant, linear, square = (own.spread[:, :, 0] + own.spread[:, :, 2]).T
+    trace = constant + radius * (linear + radius * square) + 2 * c[:, :2, 2] @ own.normal.T
+    trace += np.trace(c, axis1=1, axis2=2)[:, None] + 2 * ROUNDING
+    of, rows = np.nonzero(away < CHI_SQUARED_GATE * trace)
+    return of, rows
 
 
 def predictive_log_odds(own: Elements, parameters: FloatArray, covariance: FloatArray) -> FloatArray:

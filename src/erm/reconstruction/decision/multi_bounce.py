@@ -86,7 +86,9 @@ def is_multi_bounce(wall: Wall, mirrors: Sequence[Mirror]) -> bool:
     explained = np.zeros(len(paths), dtype=bool)
     for chain in _chains(tx, mirror_images(wall.line, tx), covariance, mirrors):
         explained |= _explains([mirrors[i] for i in chain], paths)
-    return bool(np.mean(explained) > 0.5)
+        if np.mean(explained) > 0.5:
+            return True
+    return False
 
 
 def _chains(

@@ -48,11 +48,10 @@ def evidence(walls: Sequence[Wall]) -> Evidence:
     of those that the line would reflect to between its outermost reflection points and over no longer paths, has
     the probability `log_probability_of_view`.
     """
-    inliers = Ragged.from_lists([wall.inliers for wall in walls])
+    inliers, odds = _log_odds_of_paths(walls)
     if not walls:
-        return Evidence(inliers, np.empty(0), np.empty(0))
+        return Evidence(inliers, odds, np.empty(0))
     paths = walls[0].all_paths
-    odds = log_odds_at_best(paths.take(inliers.rows)) - np.concatenate([wall.chi_squared for wall in walls]) / 2
     disturbed = np.logaddexp(np.log(1 - DISTURBED_SHARE) + odds, np.log(DISTURBED_SHARE))
     total = np.bincount(inliers.owner, disturbed, len(walls)) + np.log(2 * np.pi / (360 * PLANE_SPAN))
     total += [np.linalg.slogdet(wall.line.covariance)[1] / 2 for wall in walls]
@@ -61,6 +60,15 @@ def evidence(walls: Sequence[Wall]) -> Evidence:
     for number in possible.tolist():
         total[number] += log_probability_of_view(walls[number].support, _in_view(walls[number], links))
     return Evidence(inliers, odds, total)
+
+
+def _log_odds_of_paths(walls: Sequence[Wall]) -> tuple[Ragged, FloatArray]:
+    """`Evidence.of_paths` and `Evidence.log_odds`."""
+    inliers = Ragged.from_lists([wall.inliers for wall in walls])
+    if not walls:
+        return inliers, np.empty(0)
+    at_best = log_odds_at_best(walls[0].all_paths.take(inliers.rows))
+    return inliers, at_best - np.concatenate([wall.chi_squared for wall in walls]) / 2
 
 
 def _in_view(wall: Wall, links: Paths) -> int:
@@ -93,6 +101,6 @@ def log_odds_at_best(paths: Paths) -> FloatArray:
 
 def without_worthless(walls: Sequence[Wall]) -> list[Wall]:
     """Candidates without the paths that may well be there by chance: they show neither a wall nor its length."""
-    found = evidence(walls)
-    worth = found.of_paths.masked(found.log_odds > TWENTY_TO_ONE)
+    inliers, log_odds = _log_odds_of_paths(walls)
+    worth = inliers.masked(log_odds > TWENTY_TO_ONE)
     return [replace(wall, inliers=own) for wall, own in zip(walls, worth, strict=True)]
