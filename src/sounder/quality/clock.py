@@ -15,9 +15,9 @@ ALIKE = 0.3
 """Difference of delays that counts as none [sample]: that of whole samples from what lies halfway, and some noise."""
 STEPS = 5
 """Points a sample at which the delay of a path is tried, closer than `ALIKE`."""
-LEAST_GAIN = 6
-"""Delays that a loss must make agree, and one more. One agrees by chance in one of 18, 0.6 of 11 samples; for
-`FALSE_ALARM` over a thousand places and shifts five must. In 177 clean positions, 67 of a ray tracer, at most four."""
+LEAST_GAIN = 10
+"""Delays that a loss must make agree. One agrees by chance in one of 18, 0.6 of 11 samples; for `FALSE_ALARM` over a
+thousand places and shifts five must. Those of neighbours are not independent: twice as many."""
 DRIFT_FALSE_ALARM = FALSE_ALARM / 100
 """Probability of a drift by chance: the standard error of few paths is too small more often than it should be."""
 LEAST_DRIFT = 0.1
@@ -34,8 +34,8 @@ def lost_samples(delays: Delays, order: Integers) -> tuple[int, int]:
         ``sum_p max_t #{b: |d_pb - t - s [n_b >= f]| < ALIKE}``,
 
     is largest for the right pair (consensus; Fischler and Bolles, Comm. ACM 24, 1981). It must exceed that without a
-    loss by `LEAST_GAIN`, and by half of what shifts of each path's own would gain: reflections off the ground are later
-    in the lower elevation, but by another amount for each path.
+    loss by `LEAST_GAIN`, by half of what shifts of each path's own would gain (reflections off the ground are later in
+    the lower elevation, but by another amount for each path), and by what any drift of the clock would gain.
 
     Parameters
     ----------
@@ -67,7 +67,20 @@ def lost_samples(delays: Delays, order: Integers) -> tuple[int, int]:
         most += (early.max(axis=-1) + late.max(axis=-1) - without)[before]
     best, first = np.unravel_index(gain.argmax(), gain.shape)
     found = gain[best, first] > max(LEAST_GAIN, most[first] / 2)
+    found = found and gain[best, first] > _gain_by_drift(delays, number / order.size)
     return (int(first), int(shifts[best])) if found else (0, 0)
+
+
+def _gain_by_drift(delays: Delays, when: Real) -> int:
+    """More delays that agree if a drift over the scan is removed; ``when`` (delay,) is their share of the scan."""
+    grid = np.arange(-2 * WINDOW * STEPS, 2 * WINDOW * STEPS + 1) / STEPS
+    drift = grid[np.abs(grid) < WINDOW]
+    count = np.zeros(drift.size, np.int64)
+    for path in np.unique(delays.path):
+        own = delays.path == path
+        late = delays.delay[own, None] - when[own, None] * drift
+        count += np.max(np.sum(np.abs(late[..., None] - grid) < ALIKE, axis=0), axis=-1)
+    return int(count.max() - count[drift == 0].item())
 
 
 def clock_drift(delays: Delays, order: Integers) -> tuple[float, float]:

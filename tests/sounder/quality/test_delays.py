@@ -80,6 +80,15 @@ def test_the_drift_of_a_clock_is_measured_beside_a_slip():
     assert bound * BEAMS < 0.1
 
 
+@pytest.mark.parametrize("total", [-2.4, 0.24, 1.2, 3.0])
+def test_a_drift_is_no_loss_of_samples(total):
+    for seed in range(5):
+        drifting = delays(seed, total * ORDER / BEAMS)
+        assert lost_samples(drifting, ORDER) == (0, 0)
+        drift, bound = clock_drift(drifting, ORDER)
+        assert drift * BEAMS == pytest.approx(total, abs=bound * BEAMS)
+
+
 def test_one_path_in_the_sidelobes_of_all_beams_tells_a_drift():
     rng = np.random.default_rng(4)
     beam, same = np.arange(BEAMS), np.zeros(BEAMS, int)
