@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
 
 def is_ground_companion(table: "xr.Dataset") -> BoolArray:
@@ -40,7 +41,12 @@ def is_ground_companion(table: "xr.Dataset") -> BoolArray:
     >>> is_ground_companion(table).tolist()
     [False, False, True, False]
     """
-    companion = np.zeros(table.sizes["mpc"], dtype=bool)
+    return followed_by_ground(table) >= 0
+
+
+def followed_by_ground(table: "xr.Dataset") -> IntArray:
+    """Row (mpc,) of the MPC that each one follows by way of the ground, -1 for none; see `is_ground_companion`."""
+    companion = np.full(table.sizes["mpc"], -1)
     if not np.any(table["reason"].values == Reason.GROUND_REFLECTION):
         return companion
     height = [
@@ -60,6 +66,8 @@ def is_ground_companion(table: "xr.Dataset") -> BoolArray:
         late = (length[later] - by_ground[own]) / np.hypot(length_std[later], length_std[own])
         turned = angle_difference(azimuth[later], azimuth[own]) / np.hypot(azimuth_std[later], azimuth_std[own])
         # far away the way by the ground is hardly longer, and a path would be its own companion
-        of_any = (np.hypot(late, turned) < SIGMAS) & (gain[later] <= gain[own]) & (length[later] > length[own])
-        companion[own] = of_any.any(axis=1)
+        apart = np.hypot(late, turned)
+        of_any = (apart < SIGMAS) & (gain[later] <= gain[own]) & (length[later] > length[own])
+        nearest = np.argmin(np.where(of_any, apart, np.inf), axis=1)
+        companion[own] = np.where(of_any.any(axis=1), own[nearest], -1)
     return companion

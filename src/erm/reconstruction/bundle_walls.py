@@ -16,6 +16,7 @@ from erm.common.constants import c
 from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.chains import NO_FACE, chain_images
 from erm.geometry.vertical import FloatArray, angle_difference
+from erm.mpcs.ground import followed_by_ground
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import fits_vertical_wall
 from erm.mpcs.standard_errors import SIGMAS
@@ -33,6 +34,7 @@ from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.false_alarm import evidence
 from erm.survey.bundle import Bundle, adjust, by_error
+from erm.survey.image_fit import FEWEST_LINKS
 from erm.survey.positions import PositionErrors
 from erm.survey.residuals import CLOCK, HEADING, BentPaths, Faces, MeasuredPaths
 from erm.survey.restart import Sources, restart
@@ -44,6 +46,8 @@ MAX_ADJUSTMENTS = 3
 """Repetitions of searching chains and fitting: the lines of one find the chains of the next. Chosen; not derived."""
 MAX_EXPLAINED_SHARE = 0.5
 """Share of the paths of an image from which on chains explain it."""
+GROUND_STD = 0.1
+"""Deviation of the ground from its plane [m]: kerbs, and crowns of roads. Chosen; not derived."""
 MAX_BOUNCES = 3
 """Faces of the longest chains that are searched."""
 
@@ -90,7 +94,7 @@ def bundle_walls(
     images = [_of_main_transmitter(wall) for wall, why in decision.rejected if why not in no_image]
     certain = _are_certain([*decision.walls, *images])
     walls = list(compress(decision.walls, certain))
-    images = list(compress(images, certain[len(decision.walls) :]))
+    images = problem.located(list(compress(images, certain[len(decision.walls) :])), walls)
     if not len(problem.direct) and not walls and not images:
         return Adjusted(decision, curved, chains, positions)
     no_chain = (Reason.DIRECT_PATH, Reason.GROUND_REFLECTION, Reason.TOO_SHORT, Reason.CURVED_FACE)
@@ -171,6 +175,7 @@ class _Problem:
         own = [np.sqrt(np.maximum(both**2 - part**2, 0.0)) for both, part in zip(every, survey, strict=True)]
         self.std = np.column_stack(own) / positions.scale
         self.direct = measured.take(_direct_paths(table))
+        self.follows, self.ground = followed_by_ground(table), float(table.attrs.get("ground_height", 0.0))
         neither = (Reason.GROUND_REFLECTION, Reason.CURVED_FACE)
         self.usable = measured.take(fits_vertical_wall(table) & ~np.isin(table["reason"].values, neither))
 
@@ -215,7 +220,7 @@ class _Problem:
             faces[first : first + len(one.paths), : one.walls.shape[1]] = one.walls
             first += len(one.paths)
         return adjust(
-            self._as_measured(paths, faces),
+            self._with_ways_by_ground(paths, self._as_measured(paths, faces)),
             Faces(lines.normal, lines.offset, lines.pivot),
             len(self.positions.first),
             self.positions.given,
@@ -224,6 +229,31 @@ class _Problem:
             start=start,
             bent=self.bent(),
         )
+
+    def located(self, images: Sequence[Wall], walls: Sequence[Wall]) -> list[Wall]:
+        """Images that enough positions see whose errors other paths show: others agree with errors of any size."""
+        if not self.positions.inexact:
+            return list(images)
+        rows = np.concatenate([self.direct.row, *(wall.paths.row for wall in walls)])
+        shown = np.unique(self.positions.number[rows])
+        seen = [np.unique(self.positions.number[image.paths.row]) for image in images]
+        return [image for image, by in zip(images, seen, strict=True) if np.isin(by, shown).sum() >= FEWEST_LINKS]
+
+    def _with_ways_by_ground(self, paths: Paths, known: MeasuredPaths) -> MeasuredPaths:
+        """Paths, and those that met the same faces and the ground besides: each is measured twice.
+
+        Seen from above they are the same. The sum of the heights of both antennas above the ground, ``H``, takes the
+        place of the difference; a ground that is off its plane by ``s`` changes the length ``L`` by ``2 H s / L``.
+        """
+        met = np.full(len(self.follows), -1)
+        met[paths.row] = np.arange(len(paths))
+        of = np.where(self.follows >= 0, met[self.follows], -1)
+        rows = np.flatnonzero(of >= 0)
+        later = self.measured.take(rows)
+        same = self._as_measured(later, known.faces[of[rows]])
+        height = later.tx[:, 2] + later.rx[:, 2] - 2 * self.ground
+        std = np.hypot(same.std, np.column_stack([2 * height * GROUND_STD / later.length, np.zeros(len(rows))]))
+        return known.joined(replace(same, height_difference=height, std=std))
 
     def restarted(self, faces: Sequence[Wall], walls: int, found: Bundle) -> PositionErrors:
         """Errors of positions, found anew from the adjusted faces, of which the first ones are walls."""

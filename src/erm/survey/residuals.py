@@ -52,6 +52,12 @@ class MeasuredPaths:
         """Return the paths of an index or mask."""
         return MeasuredPaths(*(getattr(self, one.name)[rows] for one in fields(self)))
 
+    def joined(self, others: "MeasuredPaths") -> "MeasuredPaths":
+        """Return these paths and others."""
+        return MeasuredPaths(
+            *(np.concatenate([getattr(self, one.name), getattr(others, one.name)]) for one in fields(self))
+        )
+
 
 class Faces(NamedTuple):
     """Vertical faces ``n.(p - pivot) = offset``."""
