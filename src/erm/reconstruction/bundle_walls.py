@@ -141,19 +141,21 @@ def bundle_walls(
         return Adjusted(decision, curved, chains, positions)
     updated = positions.updated(found)
     lines, _ = _lines(walls, found)
-    fitted, rejected, number = [], list(decision.rejected), 0
+    fitted, number = [], 0
     corrected = problem.without_errors(decision.walls[0].all_paths, updated) if decision.walls else measured
     for wall, is_certain in zip(decision.walls, certain, strict=False):
         moved = replace(wall, all_paths=corrected)
         line = lines.line(number) if is_certain else _fitted_alone(moved.paths, wall.line, found)
         number += int(is_certain)
-        if is_clock_known or line.covariance[1, 1] < MAX_MIRROR_ERROR**2:
-            fitted.append(replace(moved, line=line))
-        else:
-            rejected.append((replace(moved, line=line), Reason.COMMON_ERROR))
+        fitted.append(replace(moved, line=line))
     if positions.inexact:
         updated = problem.restarted([*walls, *others], len(walls), found)
-    decision = decision._replace(walls=fitted, rejected=rejected)
+    sharp = [is_clock_known or wall.line.covariance[1, 1] < MAX_MIRROR_ERROR**2 for wall in fitted]
+    decision = Decision(
+        list(compress(fitted, sharp)),
+        list(compress(decision.pieces, sharp)),
+        decision.rejected + [(wall, Reason.COMMON_ERROR) for wall, one in zip(fitted, sharp, strict=True) if not one],
+    )
     return Adjusted(decision, problem.fitted(found, updated), chains, updated)
 
 

@@ -82,8 +82,6 @@ def make_map(
         table = apply(table, calibration)
     # what is not removed is exact: a common error that may be none only turns and scales the map
     common = any(calibration.applied[name] for name in ("heading", "clock"))
-    # but a clock that images do not show moves walls against each other
-    common |= "clock" in calibration.ambiguous and "heading" not in calibration.ambiguous
     environment, located = reconstruct_survey(
         table,
         SurveyStd(rx_std, heading_std, None if clock_std is None else clock_std * c),
