@@ -46,7 +46,6 @@ class Reason(StrEnum):
     MULTIPLE_REFLECTION = "multiple_reflection", "reflected more than once, off other walls"
     OBSTRUCTION = "obstruction", "its wall would block other paths"
     MEAN_ELEVATION = "mean_elevation", "mean elevation inconsistent with a vertical wall"
-    COMMON_ERROR = "common_error", "an unknown error of all paths moves its wall by more than facades are deep"
     IMPLAUSIBLE = "implausible", "multiple reflection more likely than a wall"
 
 

@@ -26,7 +26,6 @@ from erm.reconstruction.curved.faces import Curved
 from erm.reconstruction.curved.fit import compared
 from erm.reconstruction.decision.chains import Chains, ChainSearch
 from erm.reconstruction.decision.decide import Decision
-from erm.reconstruction.decision.multi_bounce import MAX_MIRROR_ERROR
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import Line, Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
@@ -119,9 +118,8 @@ def bundle_walls(
         for k, image in enumerate(images):
             of_image[image.paths.row] = k
         found = with_clock_of_chains(found, single, chains_at, of_image, float(np.ptp(measured.length)))
-    is_clock_known = found.clock_std < SIGMAS * single
     # chains at one value of the clock contradict those at others
-    for _ in range(MAX_ADJUSTMENTS if searched and is_clock_known else 0):
+    for _ in range(MAX_ADJUSTMENTS if searched and found.clock_std < SIGMAS * single else 0):
         # found without the errors of positions, adjusted as they were measured
         before = chains
         sets = [one._replace(paths=measured.take(one.paths.row)) for one in chains_at(found).chains]
@@ -150,13 +148,7 @@ def bundle_walls(
         fitted.append(replace(moved, line=line))
     if positions.inexact:
         updated = problem.restarted([*walls, *others], len(walls), found)
-    sharp = [is_clock_known or wall.line.covariance[1, 1] < MAX_MIRROR_ERROR**2 for wall in fitted]
-    decision = Decision(
-        list(compress(fitted, sharp)),
-        list(compress(decision.pieces, sharp)),
-        decision.rejected + [(wall, Reason.COMMON_ERROR) for wall, one in zip(fitted, sharp, strict=True) if not one],
-    )
-    return Adjusted(decision, problem.fitted(found, updated), chains, updated)
+    return Adjusted(decision._replace(walls=fitted), problem.fitted(found, updated), chains, updated)
 
 
 def _are_certain(walls: Sequence[Wall]) -> BoolArray:

@@ -105,17 +105,13 @@ def remarks(located: "xr.Dataset", calibration: Calibration) -> list[str]:
 
 def _not_shown(located: "xr.Dataset", calibration: Calibration) -> list[str]:
     """A line about a clock that nothing shows, and what it does to the map."""
-    if "clock" not in calibration.ambiguous or "adjusted_clock" not in located.attrs:
+    # one image shows neither heading nor clock, whoever measured it: the calibration says so
+    if "clock" not in calibration.ambiguous or "adjusted_clock" not in located.attrs or calibration.images < 2:
         return []
-    std, left_out = calibration.std("clock"), int(np.count_nonzero(located["reason"].values == Reason.COMMON_ERROR))
-    told = (
-        f"warning: neither direct paths nor chains of reflections show the common error of the clock, "
-        f"{_shown(calibration, 'clock')}: all paths may be too long or too short by {std * c:.2f} m, and walls move "
-        "with them, as their standard errors tell"
-    )
     return [
-        told
-        + (f"; walls of {counted(left_out, 'MPC')} that may be any face of a facade are left out" if left_out else "")
+        f"warning: neither direct paths nor chains of reflections show the common error of the clock, "
+        f"{_shown(calibration, 'clock')}: all paths may be too long or too short by "
+        f"{calibration.std('clock') * c:.2f} m, and walls move with them, as their standard errors tell"
     ]
 
 
