@@ -162,6 +162,19 @@ def test_three_paths_that_agree_are_a_false_alarm_in_dense_clutter_only():
     assert len(evidence([]).total) == 0
 
 
+def test_elevations_off_a_vertical_wall_speak_against_it_and_those_on_it_for_it():
+    alone = together(off_walls(3, 4)).take(np.arange(3))
+    line = fit_line(alone, seed_line(alone.take(np.array([0]))))
+
+    def total(excess):
+        paths = replace(alone, elevation_excess=np.full(3, excess), elevation_std=np.ones(3))
+        return evidence([Wall(paths, line, np.arange(3))]).total.item()
+
+    # of clutter's 30 degrees: ln(30 / (sqrt(2 pi) sqrt(2))) each, less 8**2 / (2 * 2)
+    assert total(0.0) - total(np.nan) == pytest.approx(3 * 2.136, abs=0.05)
+    assert total(8.0) - total(0.0) == pytest.approx(-3 * 16, rel=0.15)  # others may disturb a path
+
+
 @pytest.mark.slow
 def test_more_partners_are_required_the_denser_the_clutter():
     def asked(count, partners=0):
