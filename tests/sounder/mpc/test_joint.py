@@ -46,16 +46,14 @@ def draws(bench, late, fainter, count, *, shared, seed):
 def test_overlapping_paths_are_told_apart_with_honest_errors(bench):
     """A nanosecond apart in one beam, 0.6 chips, 30 and 24 dB over the noise, with one phase between them.
 
-    Also where cancellation finds one path only. Of the paths fitted in turn the delays' RMSE is 0.08 ns, four of their
-    standard deviations: 32 normalised errors of mean square 1 exceed 2.1 once in 10^4 times.
+    Also where cancellation finds one path only. The delays' errors are stated as 0.051 ns (root mean square of 64 such
+    pairs, whose RMSE is 0.050); three standard deviations of the RMSE of 32 delays more are 0.070. 32 normalised errors
+    of mean square 1 exceed 2.1 once in 10^4 times.
     """
     errors, normalised, found = draws(bench, 1e-9, 6.0, 16, shared=True, seed=4)
     assert found == [2] * 16
-    delay, std = errors[..., 0], errors[..., 0] / normalised[..., 0]
-    assert np.sqrt(np.mean(np.square(delay))) < 0.08e-9
-    resolved = np.all(std < 0.1e-9, axis=1)  # a tenth of what is between them
-    assert np.count_nonzero(resolved) >= 12
-    assert np.sqrt(np.mean(np.square(delay[resolved]))) < 0.05e-9
+    assert np.sqrt(np.mean(np.square(errors[..., 0]))) < 0.07e-9
+    assert np.sqrt(np.mean(np.square(errors[..., 0] / normalised[..., 0]))) < 0.06e-9
     assert np.mean(np.square(normalised), axis=(0, 1)) == pytest.approx(1, abs=1.1)
 
 
