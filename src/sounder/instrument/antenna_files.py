@@ -184,4 +184,5 @@ def _numbers(path: Path, cells: list[str]) -> list[float]:
 
 def _signed(angle: Real) -> Real:
     """Angle from -180 to 180 [degree]; both ends are kept as they are."""
-    return np.where(np.abs(angle) > 180, angle - 360 * np.round(angle / 360), angle)
+    with np.errstate(invalid="ignore"):  # the description refuses an angle that is not finite, by its name
+        return np.where(np.abs(angle) > 180, angle - 360 * np.round(angle / 360), angle)

@@ -164,6 +164,7 @@ def test_a_description_cannot_be_changed():
             "could not convert string to float: 'zero'; expected numbers of an antenna cut",
         ),
         ("angle,azimuth,elevation\n-90,-20,-20\n0,nan,0\n90,-20,-20\n", "rx_antenna.cut.azimuth.1 is nan; expected"),
+        ("angle,azimuth,elevation\n-90,-20,-20\n0,0,0\ninf,-20,-20\n", "rx_antenna.cut.angle.2 is nan; expected"),
         ("angle,azimuth,elevation\n0,0,0\n", "rx_antenna.cut: angle, azimuth and elevation must have one length"),
         ("angle,azimuth,elevation\n0,0,0\n10,-3,-3\n90,-20,-20\n", "reach to both sides of boresight"),
     ],
