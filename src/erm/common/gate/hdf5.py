@@ -125,9 +125,12 @@ class Dataset:
 
     @property
     def is_scale(self) -> bool:
-        """Whether it holds the values of an axis."""
-        with refused(self.path, f"{self.name}: "):
-            return bool(self.node.is_scale)
+        """Whether it holds the values of an axis.
+
+        HDF5's own function frees memory twice if the text that tells is damaged in some ways.
+        """
+        kind = self.attrs.get("CLASS")
+        return isinstance(kind, str) and kind == "DIMENSION_SCALE"
 
     @property
     def offset(self) -> int | None:

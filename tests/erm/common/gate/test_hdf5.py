@@ -123,3 +123,17 @@ def test_texts_whose_list_goes_in_a_circle_are_refused(tmp_path, samples):
     path.write_bytes(content[:free] + bytes(16) + content[free + 16 :])  # HDF5 itself reads this for ever
     with pytest.raises(DataError, match=rf"t\.h5: damaged HDF5 file \(texts at byte {heap}\); make or copy it again"):
         open_hdf5(path).__enter__()
+
+
+def test_a_letter_of_the_mark_of_an_axis_that_flipped_is_no_crash(tmp_path):
+    """HDF5's own test of the mark frees memory twice there, and the process dies."""
+    path = tmp_path / "f.h5"
+    with h5py.File(path, "w") as file:
+        for name in ("axis", "damaged"):
+            file[name] = np.zeros(3)
+            file[name].make_scale(name)
+        kind = file["damaged"].attrs.get_id("CLASS")
+        kind.write(np.array(b"DIMENSIOJ_SCALE", "S16"), mtype=kind.get_type())
+    with open_hdf5(path) as file:
+        assert file["axis"].is_scale
+        assert not file["damaged"].is_scale
