@@ -94,7 +94,7 @@ def _parts(images: Images, groups: Sequence[Group], first: int, owner: IntArray)
         theirs = groups[other].inliers
         alternate = np.isin(theirs, near) & (place[theirs] > low) & (place[theirs] < high)
         beyond = np.isin(theirs, near) & ~np.isin(paths.link[theirs], links)
-        if 2 * min(np.count_nonzero(alternate), np.count_nonzero(beyond)) > len(theirs):
+        if 2 * min(np.count_nonzero(alternate), np.count_nonzero(beyond)) >= len(theirs):
             parts.append(theirs[beyond])
             links = np.r_[links, paths.link[theirs[beyond]]]
             others.add(other)
