@@ -57,3 +57,17 @@ def test_smooth_and_stepped_facades_have_no_relief(setback):
     found = erm.reconstruct(table)[0].reflectors
     assert found.sizes["reflector"] == (2 if setback else 1)
     assert np.isnan(found.relief.values).all()
+
+
+@pytest.mark.slow
+def test_biased_paths_of_a_facade_make_no_second_one_behind_it():
+    """Three neighbours are late by 20 standard deviations; three other links have such a path beside their own."""
+    table, _ = measured(np.array([[[-30, 10.0], [30, 10.0]]]), 6, 0.01, 0.1)
+    number = np.array([int(name[1:]) for name in table["position"].values])
+    late = np.where(np.isin(number, (10, 11, 12)), 0.2e-9, 0.0)
+    beside = table.isel(mpc=np.isin(number, (5, 15, 20)))
+    beside["delay"] = beside["delay"] + 0.2e-9
+    table["delay"] = table["delay"] + late
+    found = erm.reconstruct(xr.concat([table, beside], dim="mpc"))[0].reflectors
+    assert found.sizes["reflector"] == 1
+    assert found.offset.values[0] == pytest.approx(-10, abs=0.01)
