@@ -34,7 +34,8 @@ def described(file: ForeignFile, layout: Layout, sounder: Sounder) -> tuple[Soun
                 named = key == "name"
                 result[key] = file.text(reference, label) if named else file.numbers(reference, label).tolist()
             elif isinstance(value, dict):
-                result[key] = merged(result.get(key) or {}, value)
+                known = result.get(key)
+                result[key] = merged(known if isinstance(known, dict) else {}, value)
             else:
                 result[key] = value
         return result

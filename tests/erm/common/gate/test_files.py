@@ -56,3 +56,8 @@ def test_a_file_for_another_driver_is_no_geopackage(tmp_path):
 def test_a_number_of_many_digits_is_refused_at_once():
     with pytest.raises(ValueError, match="Exceeds the limit"):
         parse_toml("x = " + "9" * 100_000)  # looking for dotted keys from each digit on would take a minute
+
+
+def test_a_number_that_no_integer_holds_is_rounded():
+    assert parse_json("[9007199254740993, 9223372036854775807]")[0] == 2**53 + 1
+    assert parse_json(f"[{'9' * 30}, -{'9' * 400}]") == [1e30, float("-inf")]

@@ -60,6 +60,10 @@ from .captures import IQ, PLAIN, POSITIONS, change
         ),
         (PLAIN + "[sounder.waveform]\nchirp = 8\n", "the layout's [sounder]: waveform.chirp: unknown key"),
         (
+            PLAIN + "[sounder.waveform]\nsamples_per_chip = {}\n",
+            "the layout's [sounder]: waveform.samples_per_chip is {}; expected a whole number",
+        ),
+        (
             PLAIN + '[sounder]\nname = { dataset = "raw" }\n',
             "name: raw is int16 (2, 4, 3, 3, 254, 2); expected",
         ),
