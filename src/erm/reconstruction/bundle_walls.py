@@ -156,7 +156,7 @@ def _are_certain(walls: Sequence[Wall]) -> BoolArray:
 
     Three paths whose positions are uncertain agree on some line by chance, and nothing contradicts it.
     """
-    return evidence(walls).total > THOUSAND_TO_ONE
+    return evidence(walls) > THOUSAND_TO_ONE
 
 
 class _Problem:

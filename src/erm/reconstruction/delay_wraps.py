@@ -189,7 +189,7 @@ def _accepted(paths: Paths, groups: list[Group], grown: list[Group], period: Flo
             paths.take(group.inliers), group.line, period[group.inliers]
         ):
             new.append(group)
-    likely = evidence([Wall(paths, group.line, group.inliers) for group in new]).total > TWENTY_TO_ONE
+    likely = evidence([Wall(paths, group.line, group.inliers) for group in new]) > TWENTY_TO_ONE
     known = [
         group if len(inliers) == len(group.inliers) else Group(fit_line(paths.take(inliers), group.line), inliers)
         for group, inliers in zip(groups, extended, strict=True)

@@ -207,7 +207,7 @@ def decide_walls(
     curved : KnownCurved
     """
     candidates = [wall for wall in without_worthless(candidates) if wall.support >= min_support]
-    false_alarms = evidence(candidates).total < TWENTY_TO_ONE
+    false_alarms = evidence(candidates) < TWENTY_TO_ONE
     rejected = [(wall, Reason.FALSE_ALARM) for wall in compress(candidates, false_alarms)]
     distinct = merge_duplicates(list(compress(candidates, ~false_alarms)), max_gap)
     ranked = Candidates(distinct, minor, lines_of_sight, max_gap, curved)

@@ -124,7 +124,7 @@ def _without_false_alarms(
     groups = [trial.found if trial else None for trial in trials]
     large = [n for n, group in enumerate(groups) if group is not None and len(group.inliers) >= min_support]
     walls = [Wall(paths, group.line, group.inliers) for group in (groups[n] for n in large) if group is not None]
-    false_alarms = set(compress(large, evidence(walls).total < least_evidence))
+    false_alarms = set(compress(large, evidence(walls) < least_evidence))
     return [trial and trial._replace(found=None) if n in false_alarms else trial for n, trial in enumerate(trials)]
 
 

@@ -6,7 +6,6 @@ worth depends on its own errors, and on how many paths as strong its antenna pai
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import betaln
@@ -24,19 +23,8 @@ DISTURBED_SHARE = 0.1
 """Share of inliers that other paths disturb, so that they lie anywhere in the gate. Chosen; not derived."""
 
 
-class Evidence(NamedTuple):
-    """What speaks for candidates as images, and not as false alarms."""
-
-    of_paths: Ragged
-    """Inliers of each candidate."""
-    log_odds: FloatArray
-    """Log odds (inlier,) of each path to be off the image and not there by chance."""
-    total: FloatArray
-    """Log odds (wall,) of all together."""
-
-
-def evidence(walls: Sequence[Wall]) -> Evidence:
-    """Evidence of candidates to be images and no false alarms.
+def evidence(walls: Sequence[Wall]) -> FloatArray:
+    """Log odds (wall,) of candidates to be images and no false alarms.
 
     About its prediction, a path off an image has the density ``exp(-chi2 / 2) / (2 pi s_L s_a)`` of lengths and
     azimuths, the losses of faces and the elevation of a vertical one; by chance it has the density of
@@ -50,7 +38,7 @@ def evidence(walls: Sequence[Wall]) -> Evidence:
     """
     inliers, odds = _log_odds_of_paths(walls)
     if not walls:
-        return Evidence(inliers, odds, np.empty(0))
+        return np.empty(0)
     paths = walls[0].all_paths
     disturbed = np.logaddexp(np.log(1 - DISTURBED_SHARE) + odds, np.log(DISTURBED_SHARE))
     total = np.bincount(inliers.owner, disturbed, len(walls)) + np.log(2 * np.pi / (360 * PLANE_SPAN))
@@ -59,11 +47,11 @@ def evidence(walls: Sequence[Wall]) -> Evidence:
     links = paths.take(np.unique(paths.link, return_index=True)[1]) if len(possible) else paths
     for number in possible.tolist():
         total[number] += log_probability_of_view(walls[number].support, _in_view(walls[number], links))
-    return Evidence(inliers, odds, total)
+    return np.asarray(total)
 
 
 def _log_odds_of_paths(walls: Sequence[Wall]) -> tuple[Ragged, FloatArray]:
-    """`Evidence.of_paths` and `Evidence.log_odds`."""
+    """Inliers of each candidate, and the log odds (inlier,) of each to be off the image and not there by chance."""
     inliers = Ragged.from_lists([wall.inliers for wall in walls])
     if not walls:
         return inliers, np.empty(0)

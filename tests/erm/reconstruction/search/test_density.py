@@ -155,11 +155,11 @@ def test_three_paths_that_agree_are_a_false_alarm_in_dense_clutter_only():
     assert np.count_nonzero(~of_walls) <= 1
     alone = together(off_walls(3, 4)).take(np.arange(3))
     wall = Wall(alone, fit_line(alone, seed_line(alone.take(np.array([0])))), np.arange(3))
-    assert evidence([wall]).total > TWENTY_TO_ONE
+    assert evidence([wall]) > TWENTY_TO_ONE
     # with as many paths of the same link about each as its errors hold, no number of them is evidence
     among = replace(alone, clutter=1 / (2 * np.pi * alone.length_std * alone.azimuth_std))
-    assert evidence([replace(wall, all_paths=among)]).total < -TWENTY_TO_ONE
-    assert len(evidence([]).total) == 0
+    assert evidence([replace(wall, all_paths=among)]) < -TWENTY_TO_ONE
+    assert len(evidence([])) == 0
 
 
 def test_elevations_off_a_vertical_wall_speak_against_it_and_those_on_it_for_it():
@@ -168,7 +168,7 @@ def test_elevations_off_a_vertical_wall_speak_against_it_and_those_on_it_for_it(
 
     def total(excess):
         paths = replace(alone, elevation_excess=np.full(3, excess), elevation_std=np.ones(3))
-        return evidence([Wall(paths, line, np.arange(3))]).total.item()
+        return evidence([Wall(paths, line, np.arange(3))]).item()
 
     # of clutter's 30 degrees: ln(30 / (sqrt(2 pi) sqrt(2))) each, less 8**2 / (2 * 2)
     assert total(0.0) - total(np.nan) == pytest.approx(3 * 2.136, abs=0.05)
