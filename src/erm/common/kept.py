@@ -35,7 +35,7 @@ class Kept:
         """Keep a group if there is room."""
         if self._bytes + dataset.nbytes <= MOST_BYTES:
             self._bytes += dataset.nbytes
-            for variable in dataset.variables.values():
+            for variable in dataset.load().variables.values():  # decoded once, not by each who reads it
                 variable.values.setflags(write=False)
             self._groups[_key(path, group)] = dataset.copy(deep=False)
 
