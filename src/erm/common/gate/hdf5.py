@@ -8,6 +8,7 @@ allocated before its size was compared with the limits and with what the file re
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cached_property
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 from erm.common.errors import DataError
 from erm.common.gate import limits
 from erm.common.gate.attributes import Attributes
+from erm.common.gate.chunks import Chunks
 from erm.common.gate.damage import refused
 from erm.common.gate.files import require_file
-from erm.common.gate.hdf5_rules import COPY, FLETCHER32, require_filters, require_hard, require_space, selected
+from erm.common.gate.hdf5_rules import COPY, require_filters, require_hard, require_space, selected
 from erm.common.gate.heaps import require_heaps
 from erm.common.printable import printable
 
@@ -105,23 +107,25 @@ class Dataset:
 
     @property
     def chunks(self) -> "dict[tuple[int, ...], tuple[int, int]] | None":
-        """Place and length in the file of each chunk by its first index; None if chunks are packed or not known."""
+        """Place and length in the file of each chunk by its first index; None if they are not there as numbers."""
+        if not self.dtype.isnative or (chunks := self._chunks) is None or not chunks.unmodified:
+            return None
+        return {index: (chunk.place, chunk.length) for index, chunk in chunks.stored.items()}
+
+    @cached_property
+    def _chunks(self) -> Chunks | None:
+        """Chunks that are stored, none shorter or longer than it should be; None for other layouts."""
+        import h5py
+
         with refused(self.path, f"{self.name}: "):
-            plist = self.node.id.get_create_plist()
-            filters = [plist.get_filter(i)[0] for i in range(plist.get_nfilters())]
-            if self.node.chunks is None or filters != [FLETCHER32] or not self.dtype.isnative:
-                return None
-            if not hasattr(self.node.id, "chunk_iter"):  # h5py was built with an older HDF5
-                return None
-            found: dict[tuple[int, ...], tuple[int, int]] = {}
-            masks = set()
+            chunked = self.node.id.get_create_plist().get_layout() == h5py.h5d.CHUNKED
+            return Chunks(self.path, self.name, self.node) if chunked else None
 
-            def note(info: Any) -> None:
-                found[tuple(info.chunk_offset)] = (info.byte_offset, info.size)
-                masks.add(info.filter_mask)
-
-            self.node.id.chunk_iter(note)
-            return found if masks <= {0} else None
+    def require_chunks(self, selection: Any = ()) -> None:
+        """Refuse what HDF5 would read with too little behind it."""
+        with refused(self.path, f"{self.name}: "):
+            if (chunks := self._chunks) is not None:
+                chunks.require(selection)
 
     @property
     def is_scale(self) -> bool:
@@ -150,6 +154,7 @@ class Dataset:
             raise DataError(f"{self.path}: {self.name} {limits.too_large(length)}")
         if self.empty:
             raise DataError(f"{self.path}: {self.name} holds nothing")
+        self.require_chunks(selection)
         with refused(self.path, f"{self.name}: "):
             return self.node[selection]
 
@@ -335,6 +340,7 @@ def _require_source(path: Path, name: str, file: str, dataset: str) -> None:
             raise DataError(f"{path}: {name} is a virtual dataset, but {file} has no dataset {printable(dataset)}")
         if held.node.id.get_create_plist().get_layout() == h5py.h5d.VIRTUAL:
             raise DataError(f"{path}: {name} is a virtual dataset of a virtual dataset, {printable(dataset)}; {COPY}")
+        held.require_chunks()
 
 
 def _dataset(path: Path, parent: "h5py.Group", name: str) -> "h5py.Dataset":

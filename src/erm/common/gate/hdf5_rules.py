@@ -11,10 +11,11 @@ from erm.common.printable import printable
 if TYPE_CHECKING:
     import h5py
 
-FLETCHER32 = 3
-"""Number of the filter that adds a checksum to each chunk."""
-FILTERS = {1: "gzip", 2: "shuffle", FLETCHER32: "fletcher32", 4: "szip", 32000: "lzf"}
-"""Filters that are applied: those that come with h5py and cannot take more space than the chunk declares."""
+GZIP, SHUFFLE, FLETCHER32, SZIP, LZF = FILTERS = (1, 2, 3, 4, 32000)
+"""Numbers of the filters that are applied: those that come with h5py and whose output has a length that is known."""
+PACKERS = {GZIP, SZIP, LZF}
+CHECKSUM = 4
+"""Bytes that fletcher32 adds to each chunk."""
 MAX_EXPANSION = 1032
 """Largest ratio of gzip: two bits for the longest match, 258 bytes (zlib, "Technical Details")."""
 SMALL = 2**26
@@ -41,7 +42,7 @@ def require_hard(path: Path, group: "h5py.Group", name: str) -> None:
 
 
 def require_filters(path: Path, name: str, plist: Any) -> None:
-    """Refuse filters that need a plugin, and a filter that is applied twice: it multiplies the expansion."""
+    """Refuse filters that need a plugin, and two that pack one after another: they multiply the expansion."""
     filters = [plist.get_filter(index) for index in range(plist.get_nfilters())]
     numbers = [code for code, *_ in filters]
     for code, _, _, label in filters:
@@ -51,8 +52,8 @@ def require_filters(path: Path, name: str, plist: Any) -> None:
                 f"{path}: {name} is packed by the filter {code} ({given}), and plugins are not loaded; repack it with "
                 "h5repack -f GZIP=4"
             )
-    if len(set(numbers)) < len(numbers):
-        raise DataError(f"{path}: {name} is packed twice by one filter; repack it with h5repack -f GZIP=4")
+    if len(set(numbers)) < len(numbers) or len(PACKERS & set(numbers)) > 1:
+        raise DataError(f"{path}: {name} is packed twice; repack it with h5repack -f GZIP=4")
 
 
 def require_space(path: Path, name: str, node: "h5py.Dataset", plist: Any) -> None:
