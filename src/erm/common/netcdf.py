@@ -12,11 +12,13 @@ References
 The NetCDF-4 file format, Unidata, appendix "NetCDF-4 File Format Specification"; HDF5 Dimension Scale Specification.
 """
 
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from erm.common.errors import DataError
 from erm.common.gate.hdf5 import Dataset, Group
 from erm.common.integrity import checksummed
+from erm.common.usage import shortened
 
 if TYPE_CHECKING:
     import h5py
@@ -35,6 +37,8 @@ STRUCTURE = {
     "_NCProperties",
 }
 """Attributes of HDF5 and netCDF for themselves, most of which tie variables to dimensions."""
+CODES = {"_FillValue", "missing_value", "scale_factor", "add_offset"}
+"""Attributes of CF that tell what stored values stand for."""
 
 
 def write_group(group: "h5py.Group", dataset: "xr.Dataset") -> None:
@@ -75,14 +79,21 @@ def read_group(group: Group) -> "xr.Dataset":
     group : Group
         Group of any netCDF4 or HDF5 file. Axes without a dimension are called after their length: ``axis_3``; a second
         one of this length in a variable is ``axis_3_1``.
+
+    Raises
+    ------
+    DataError
+        A member holds neither numbers nor texts, or its values cannot be decoded.
     """
+    import numpy as np
     import xarray as xr
 
     members = {name: member for name, member in group.items() if isinstance(member, Dataset) and not member.empty}
     ordered = sorted(members, key=lambda name: members[name].is_scale)  # coordinates last, as netCDF lists them
     variables = {name: _read(name, members[name]) for name in ordered if not _is_bare_dimension(members[name])}
     attributes = {name: _single(value) for name, value in group.attrs.items() if name not in STRUCTURE}
-    return xr.decode_cf(xr.Dataset(variables, attrs=attributes))
+    with np.errstate(over="ignore", invalid="ignore"):  # what comes out is checked where it is used
+        return xr.decode_cf(xr.Dataset(variables, attrs=attributes)).load().drop_encoding()
 
 
 def _is_bare_dimension(member: Dataset) -> bool:
@@ -103,7 +114,13 @@ def _read(name: str, member: Dataset) -> "xr.Variable":
     values = member[()]
     if text and member.dtype.kind == "O":
         values = np.asarray(member.node.asstr()[()], str)
-    return xr.Variable(_dimensions(name, member), values, attributes, {"dtype": member.dtype})
+    for key in CODES & attributes.keys():
+        if not isinstance(attributes[key], str if text else Real):
+            raise DataError(
+                f"{member.path}: attribute {key} of {name} is {shortened(attributes[key])}; expected one "
+                f"{'text' if text else 'number'}"
+            )
+    return xr.Variable(_dimensions(name, member), values, attributes)
 
 
 def _dimensions(name: str, member: Dataset) -> list[str]:

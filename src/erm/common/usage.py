@@ -44,8 +44,8 @@ def invalid_value(item: Mapping[str, Any]) -> str:
 
 
 def shortened(value: object) -> str:
-    """Write a value as Python does; a long one is cut."""
-    text = repr(value)
+    """Write a value as Python does, in one line; a long one is cut."""
+    text = re.sub(r"\n\s*", " ", repr(value))
     return text if len(text) <= MAX_LENGTH else f"{text[:MAX_LENGTH]}..."
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from erm.common.constants import FARTHEST
 from erm.common.errors import DataError
 from erm.geometry.vertical import unit
 from erm.maps.georeference import Georeference
@@ -75,6 +76,9 @@ class Environment:
 
     def __post_init__(self) -> None:
         check_reflectors(self.reflectors)
+        for slab in (self.ground, self.ceiling):
+            if slab and not abs(slab.height) < FARTHEST:
+                raise DataError(f"ground or ceiling at {slab.height} m; expected a height on earth")
         if self.ground and self.ceiling and not self.ground.height < self.ceiling.height:
             raise DataError(f"ceiling at {self.ceiling.height} m is not above the ground at {self.ground.height} m")
         used = set(self.reflectors.material.values.tolist())

@@ -164,6 +164,7 @@ def check_reflectors(table: "xr.Dataset") -> None:
     off = np.linalg.norm(ends - table.centre.values[:, None], axis=-1) - size[:, None]
     length = np.hypot(*np.moveaxis(ends[:, 1] - ends[:, 0], -1, 0))
     base, top = table.base.values, table.top.values
+    beyond = [(np.abs(height) >= FARTHEST) & np.isfinite(height) for height in (base, top)]
     rules = (
         (is_wall | is_arc | (kind == "pole"), "is no wall, pole or arc"),
         ((np.abs(ends) < FARTHEST).all(axis=(1, 2)), "has end points that are not finite numbers of places on earth"),
@@ -171,7 +172,9 @@ def check_reflectors(table: "xr.Dataset") -> None:
         (is_wall | is_arc | (table.radius.values > 0), "is a pole without a positive radius"),
         (~is_arc | (size > 0), "is an arc without a radius"),
         (~is_arc | (np.abs(off) <= MAX_OFF_CIRCLE + MAX_OFF_CIRCLE * size[:, None]).all(axis=1), OFF_CIRCLE),
+        (~(size >= FARTHEST), "has a radius beyond all places on earth"),
         (base < top, "has a top that is not above its base"),
+        (~np.any(beyond, axis=0), "has a base or top that is neither infinite nor a place on earth"),
     )
     for holds, problem in rules:
         if not holds.all():

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from erm.common.constants import c
+from erm.common.constants import FARTHEST, c
 from erm.common.errors import DataError
 from erm.maps.environment import CEILING, GROUND, NO_BOUNCE, Environment
 from erm.tracing.cylinders import CylinderPaths, cylinders_of, double_bounces, single_bounces
@@ -178,8 +178,10 @@ def _angles(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _position(name: str, value: ArrayLike) -> np.ndarray:
     position = np.asarray(value, dtype=float)
-    if position.shape != (3,) or not np.isfinite(position).all():
-        raise DataError(f"{name} is {np.asarray(value).tolist()}; expected three numbers, east, north, up [m]")
+    if position.shape != (3,) or not (np.abs(position) < FARTHEST).all():
+        raise DataError(
+            f"{name} is {np.asarray(value).tolist()}; expected three numbers of a place on earth, east, north, up [m]"
+        )
     return position
 
 

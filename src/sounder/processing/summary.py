@@ -158,7 +158,7 @@ def _product(file: Group) -> Lines:
             ("RX position", metres(file.dataset("rx_position").numbers()[0])),
             ("directions", f"{daps.dataset('azimuth').size} azimuths x {daps.dataset('elevation').size} elevations"),
             *_tx_directions(daps),
-            ("noise floor", f"{np.nanmedian(daps.dataset('noise_floor').numbers()):.1f} dB (median over directions)"),
+            ("noise floor", _noise_floor(daps.dataset("noise_floor").numbers())),
             ("MPCs", str(mpc.dataset("delay").size)),
             (
                 "outside the scan",
@@ -192,6 +192,12 @@ def _strongest(mpc: Group) -> str:
     delay, azimuth, gain = (float(mpc.dataset(name).numbers()[0]) for name in ("delay", "azimuth", "path_gain"))
     left = f" from {float(mpc.dataset(DEPARTURE).numbers()[0]):.1f} at departure" if DEPARTURE in mpc else ""
     return f"{delay * 1e9:.2f} ns, azimuth {azimuth:.1f} degree{left}, path gain {gain:.1f} dB"
+
+
+def _noise_floor(floor: np.ndarray) -> str:
+    """Median over the directions that have one."""
+    known = floor[~np.isnan(floor)]
+    return f"{np.median(known):.1f} dB (median over directions)" if known.size else "of no direction"
 
 
 def _tx_directions(daps: Group) -> Lines:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from erm.common.constants import FARTHEST
 from erm.common.errors import DataError
 from erm.common.gate.limits import current, too_large
 from sounder import shipped
@@ -15,8 +16,9 @@ from sounder.instrument.description import Sounder, load_sounder
 from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, read_toml
 from sounder.twin.faults import Faults
 
-Position = tuple[float, float, float]
-Point = tuple[float, float]
+Coordinate = Annotated[float, Field(gt=-FARTHEST, lt=FARTHEST)]
+Position = tuple[Coordinate, Coordinate, Coordinate]
+Point = tuple[Coordinate, Coordinate]
 Unbounded = Annotated[float, Field(allow_inf_nan=True)]
 
 

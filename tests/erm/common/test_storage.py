@@ -1,6 +1,8 @@
 """Files appear whole or not at all, and say where they came from."""
 
+import contextlib
 import hashlib
+import itertools
 import json
 import sys
 import threading
@@ -81,6 +83,44 @@ def test_a_group_is_read_as_xarray_reads_it(tmp_path, writer):
     assert {name: one.dtype for name, one in read.variables.items()} == {
         name: one.dtype for name, one in expected.variables.items()
     }
+
+
+ODD = (
+    np.nan,
+    -1,
+    np.inf,
+    1e308,
+    "",
+    "days since 2000-01-01",
+    b"\xff",
+    np.zeros((3, 3)),
+    np.zeros(0),
+    1 + 2j,
+    h5py.Empty("f8"),
+)
+CODED = ("_FillValue", "missing_value", "scale_factor", "add_offset", "units", "dtype", "coordinates", "_Encoding")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CODED)
+def test_an_odd_attribute_is_refused_or_does_no_harm_when_it_is_written_again(tmp_path, name):
+    for values, odd in itertools.product((np.arange(3.0), np.arange(3), np.array(["a", "b", "c"], object)), ODD):
+        with h5py.File(tmp_path / "p.h5", "w") as file:
+            file["v"] = values
+            file["v"].attrs[name] = odd
+        with contextlib.suppress(DataError):
+            read = open_group(tmp_path / "p.h5")
+            write_product({"/": read}, tmp_path / "q.h5")
+            xr.testing.assert_equal(open_group(tmp_path / "q.h5"), read)
+
+
+def test_a_wrong_fill_value_is_refused_by_name(tmp_path):
+    with h5py.File(tmp_path / "p.h5", "w") as file:
+        file["v"] = np.arange(3.0)
+        file["v"].attrs["_FillValue"] = np.zeros((2, 2))
+    line = r"p\.h5: attribute _FillValue of v is array\(\[\[0\., 0\.\], \[0\., 0\.\]\]\); expected one number"
+    with pytest.raises(DataError, match=line):
+        open_group(tmp_path / "p.h5")
 
 
 def test_axes_without_a_name_get_one(tmp_path):

@@ -237,6 +237,8 @@ def test_a_pole_that_is_known_better_in_one_direction_is_so_in_the_turned_one():
         ({"kind": "fence"}, "no wall, pole or arc"),
         ({"kind": "pole"}, "positive radius"),
         ({"base": 3.0, "top": 2.0}, "top that is not above"),
+        ({"top": 1e200}, "has a base or top that is neither infinite nor a place on earth"),
+        ({"kind": "pole", "radius": 1e200}, "has a radius beyond"),
         ({"material": "cheese"}, "unknown material 'cheese'"),
     ],
 )
@@ -248,6 +250,8 @@ def test_impossible_reflectors_are_refused(change, complaint):
 def test_impossible_places_are_refused():
     with pytest.raises(DataError, match="end points"):
         Environment.walls([[[0, np.nan], [1, 0]]])
+    with pytest.raises(DataError, match=r"ground or ceiling at 1e\+200 m; expected a height on earth"):
+        Environment.empty(ground=Slab(1e200))
     with pytest.raises(DataError, match="not above the ground"):
         Environment.empty(ground=Slab(3.0), ceiling=Slab(2.0))
     with pytest.raises(DataError, match="shape"):

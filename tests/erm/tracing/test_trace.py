@@ -239,6 +239,7 @@ def test_turning_and_shifting_the_scene_turns_and_shifts_the_paths(seed):
     [
         ({"rx": (1.0, 2.0, 3.0)}, "both at"),
         ({"rx": (1.0, np.nan, 3.0)}, "rx is"),
+        ({"rx": (1.0, 1e200, 3.0)}, "rx is .* expected three numbers of a place on earth"),
         ({"tx": (1.0, 2.0)}, "tx is"),
         ({"frequency": 0.0}, "frequency"),
         ({"polarization": "circular"}, "polarization"),

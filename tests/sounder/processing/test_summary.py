@@ -9,7 +9,7 @@ import xarray as xr
 from erm.common.errors import DataError
 from erm.common.storage import write_product
 from sounder.processing.recording_summary import describe_back_to_back, describe_recording
-from sounder.processing.summary import describe_file
+from sounder.processing.summary import _noise_floor, describe_file
 from sounder.recordings.writer import write_recording
 from sounder.twin import receiver
 from sounder.twin.faults import DCOffset, Faults
@@ -97,3 +97,8 @@ def test_a_file_of_another_kind_is_reported(tmp_path, sounder):
         describe_file(tmp_path / "other.h5")
     with pytest.raises(DataError, match="no such file"):
         describe_file(tmp_path / "none.h5")
+
+
+def test_a_product_without_a_noise_floor_says_so():
+    assert _noise_floor(np.array([-100.0, np.nan, -98.0])) == "-99.0 dB (median over directions)"
+    assert _noise_floor(np.full((2, 1), np.nan)) == _noise_floor(np.zeros(0)) == "of no direction"

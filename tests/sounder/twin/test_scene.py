@@ -53,9 +53,18 @@ def written(tmp_path, text, name="scene.toml"):
     return path
 
 
-def test_more_snapshots_than_memory_holds_are_refused(tmp_path):
+@pytest.mark.parametrize("digits", [40, 400])
+def test_more_snapshots_than_memory_holds_are_refused(tmp_path, digits):
     with pytest.raises(DataError, match=r"snapshots: one direction needs .*, more than the limit"):
-        load_scene(written(tmp_path, NORTH.replace("snapshots = 2", f"snapshots = {10**40}")))
+        load_scene(written(tmp_path, NORTH.replace("snapshots = 2", f"snapshots = {10**digits}")))
+
+
+@pytest.mark.parametrize("given", ["[60, -8, 2]", "[[-100, -20]", "position = [20, -5]", "[0, 0, 10]"])
+def test_a_position_beyond_the_earth_is_refused_where_it_stands(tmp_path, given):
+    """Images of such places overflow."""
+    beyond = given.rpartition(",")[0] + ", -1e200]"
+    with pytest.raises(DataError, match=r"\d is -1e\+200; expected more than -4.1e\+07"):
+        load_scene(written(tmp_path, NORTH.replace(given, beyond)))
 
 
 def test_south_is_turned_to_north_at_the_border(tmp_path):

@@ -96,6 +96,8 @@ def _decoded(value: Any) -> Any:
 
     if isinstance(value, h5py.Empty):
         return None
+    if isinstance(value, str):
+        value = value.encode("utf-8", "surrogateescape")  # as it stands in the file
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
 
 

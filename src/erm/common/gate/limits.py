@@ -1,5 +1,6 @@
 """What a file may cost, and what it may ask for, unless the user allows more."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -63,7 +64,8 @@ def allowed(**changes: Any) -> Iterator[Limits]:
 
 
 def size(count: float) -> str:
-    """Write a number of bytes: ``3.0 GiB``."""
+    """Write a number of bytes: ``3.0 GiB``; 8 EiB for all that no machine can address."""
+    count = min(count, sys.maxsize)  # an integer of a text has any number of digits
     unit = "B"
     for unit in ("B", "KiB", "MiB", "GiB", "TiB"):
         if count < 1024 or unit == "TiB":
@@ -74,7 +76,7 @@ def size(count: float) -> str:
 
 def too_large(count: float) -> str:
     """Say that something is too large, and which option admits it."""
-    wanted = count / GIB
+    wanted = min(count, sys.maxsize) / GIB
     option = f"{wanted:.2g}" if wanted < 10 else f"{wanted:.0f}"
     return (
         f"needs {size(count)}, more than the limit of {size(_current.max_bytes)}; if you trust the file, raise it with "
