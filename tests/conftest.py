@@ -66,7 +66,7 @@ LONG_TESTS = (
     "tests/sounder/processing/test_pipeline.py::test_the_same_failure_of_many_positions_is_reported_once[2]",
     "tests/sounder/processing/test_raytraced.py",
     "tests/sounder/processing/test_survival.py::test_positions_that_vanish_while_others_are_processed",
-    "tests/sounder/report/test_browser.py",
+    "tests/sounder/report/test_browser",
     "tests/test_packaging.py::test_the_letters_study",
 )
 """Tests that take four to ten seconds of a processor or more; `make long` runs them."""

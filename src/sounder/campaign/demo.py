@@ -1,6 +1,7 @@
 """Demo: the campaign of the letter is simulated, processed from its files, reconstructed and scored."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from erm.common import console
 from erm.common.errors import DataError
+from erm.evaluation.evaluate_map import evaluate_map
 from erm.evaluation.outline import evaluate_walls, face_hits, on_walls, point_errors, summary
 from erm.figures import plot_error_cdf, plot_map
 from erm.geometry.vertical import reflection_point
@@ -20,9 +22,12 @@ from erm.mpcs.selection import select
 from erm.mpcs.table import path_length
 from erm.reconstruction.make_map import make_map
 from sounder import shipped
+from sounder.campaign.result import REPORT
 from sounder.figures.files import draw_overlay, draw_product
 from sounder.processing.jobs import gather
 from sounder.processing.pipeline import process
+from sounder.report.of_products import contents_of_map
+from sounder.report.page import write_page
 from sounder.twin.scene import load_scene
 from sounder.twin.simulate import simulate
 
@@ -33,12 +38,12 @@ SPATIAL, PLANAR = "3-D (with heights)", "planar (as published)"
 
 
 def run_demo(out: Path, *, scene: Path | None = None) -> dict[str, float]:
-    """Simulate the campaign, process it, reconstruct the map and print the score.
+    """Simulate the campaign, process it, reconstruct the map, write the page and print the score.
 
     Parameters
     ----------
     out : Path
-        Folder for raw recordings, truth, products, map and figures.
+        Folder for raw recordings, truth, products, map, page and figures.
     scene : Path, optional
         Another scene. Default: that of the letter.
 
@@ -68,6 +73,18 @@ def run_demo(out: Path, *, scene: Path | None = None) -> dict[str, float]:
     score = score_map(environment, select(table), located, truth)
     with console.progress("drawing", len(OVERLAID) + 2) as advance:
         _draw(environment, located, truth, outcome.products, out / "figures", advance=advance)
+    contents = contents_of_map(
+        outcome.products, "sounder demo", "sounder demo from simulated captures", table, environment, located
+    )
+    outline = outline_of(truth)
+    contents = replace(
+        contents,
+        outline=outline,
+        score=evaluate_map(environment, outline, (environment, located)),
+        files=["map.geojson", "figures/map.png", "truth/environment.geojson"],
+        calibrations=[jobs[0].b2b],
+    )
+    write_page(contents, out / REPORT)
     _print(score, out, positions=len(recordings), mpcs=table.sizes["mpc"])
     console.report_failures(problems)
     return score
@@ -144,3 +161,4 @@ def _print(score: dict[str, float], out: Path, *, positions: int, mpcs: int) -> 
     ]
     console.show(["demo", "result"], rows)
     print(f"map: {out / 'figures' / 'map.png'}")
+    print(f"report: {out / REPORT}")

@@ -16,6 +16,7 @@ from erm.common.storage import open_group
 from sounder.cir.false_alarm import noise_margin
 from sounder.options import Threshold
 from sounder.parameters.delay import rms_delay_spread
+from sounder.parameters.lobes import mean_lobe_spreads
 from sounder.parameters.statistics import LINES_OF_SIGHT
 from sounder.processing.parameter_tables import write_csv
 
@@ -32,7 +33,7 @@ COLUMNS = (
     "Freq.", "TX", "RX", "Loc Type", "TR Sep", "PL", "Mean Dir DS", "Omni DS", "Mean Lobe ASA", "Omni ASA",
     "Mean Lobe ASD", "Omni ASD", "Mean Lobe ZSA", "Omni ZSA", "Mean Lobe ZSD", "Omni ZSD",
 )  # fmt: skip
-"""Columns of the format, in its order [GHz, m, dB, ns, degree]. ``Mean Lobe`` columns are blank."""
+"""Columns of the format, in its order [GHz, m, dB, ns, degree]; blank where not known."""
 LOCATION_TYPES = {"LoS": "LOS", "NLoS": "NLOS", "unknown": ""}
 DIRECTIONAL_THRESHOLD = Threshold(12.0)
 """Threshold of the PDP of a direction, for its delay spread, where none is given."""
@@ -101,18 +102,24 @@ def mean_directional_delay_spread(daps: xr.Dataset, threshold: Threshold) -> flo
     return float(np.nanmean(spreads)) if np.isfinite(spreads).any() else float("nan")
 
 
-def _directional(products: Sequence[Path], threshold: Threshold) -> Mapping[str, float]:
-    """Mean delay spread of the directions of each product, by its file."""
-    spreads = {}
+def _directional(products: Sequence[Path], threshold: Threshold) -> Mapping[str, Mapping[str, float]]:
+    """Columns of each product that are made from its directions, by its file."""
+    columns = {}
     for product in products:
         try:
-            spreads[product.name] = mean_directional_delay_spread(open_group(product, "/daps"), threshold)
+            daps = open_group(product, "/daps")
         except DataError:  # a table of MPCs has no directions
             continue
-    return spreads
+        arrival = mean_lobe_spreads(daps["azimuth"].values, daps["elevation"].values, daps["pas"].values)
+        columns[product.name] = {
+            "Mean Dir DS": 1e9 * mean_directional_delay_spread(daps, threshold),
+            "Mean Lobe ASA": arrival[0],
+            "Mean Lobe ZSA": arrival[1],
+        }
+    return columns
 
 
-def _row(one: xr.Dataset, directional: Mapping[str, float]) -> dict[str, object]:
+def _row(one: xr.Dataset, directional: Mapping[str, Mapping[str, float]]) -> dict[str, object]:
     name = str(one["position"].item())
     row: dict[str, object] = dict.fromkeys(COLUMNS, "")
     row |= {
@@ -120,8 +127,8 @@ def _row(one: xr.Dataset, directional: Mapping[str, float]) -> dict[str, object]
         "RX": name,
         "Loc Type": LOCATION_TYPES[LINES_OF_SIGHT[int(one["los"])]],
         "TR Sep": float(one["distance"]),
-        "Mean Dir DS": 1e9 * directional.get(str(one["file"].item()), float("nan")),
     }
+    row |= directional.get(str(one["file"].item()), {})
     for column, (parameter, scale) in OMNIDIRECTIONAL.items():
         row[column] = scale * float(one[parameter])
     for column, (parameter, scale) in OMNIDIRECTIONAL.items():

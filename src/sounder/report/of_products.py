@@ -4,9 +4,12 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+import xarray as xr
+
 from erm.common.console import counted
 from erm.common.page import cell
 from erm.common.storage import open_group
+from erm.maps.environment import Environment
 from erm.mpcs.files import read_mpcs
 from erm.reconstruction.make_map import make_map
 from erm.survey.report import warnings
@@ -30,22 +33,48 @@ def contents_of_products(products: Sequence[Path], title: str) -> Contents:
     """
     table, problems = read_mpcs(products)
     environment, located = make_map(table, history="sounder report", inputs=products)
+    return contents_of_map(products, title, "sounder report", table, environment, located, failures=problems)
+
+
+def contents_of_map(
+    products: Sequence[Path],
+    title: str,
+    maker: str,
+    table: xr.Dataset,
+    environment: Environment,
+    located: xr.Dataset,
+    *,
+    failures: Sequence[str] = (),
+) -> Contents:
+    """Make the parameters of products whose map there is.
+
+    Parameters
+    ----------
+    products : sequence of Path
+    title : str
+    maker : str
+        Command that makes the page.
+    table, located : xarray.Dataset
+        MPCs as measured and as the reconstruction returns them.
+    environment : Environment
+        The map.
+    failures : sequence of str
+        What failed before, one line each.
+    """
     parameters, unusable = channel_parameters(products)
     usable = set(parameters["file"].values.tolist())
     roots = {path: open_group(path) for path in products if path.name in usable}
     options = dict.fromkeys(root.attrs["processing_options"] for root in roots.values())
     return Contents(
         title=title,
-        summary=[
-            f"{counted(len(roots), 'position')} and {counted(table.sizes['mpc'], 'MPC')}. Made by sounder report."
-        ],
+        summary=[f"{counted(len(roots), 'position')} and {counted(table.sizes['mpc'], 'MPC')}. Made by {maker}."],
         products=roots,
         table=table,
         located=located,
         environment=environment,
         parameters=parameters,
         statistics=campaign_statistics(parameters),
-        failures=list(dict.fromkeys([*problems, *unusable])),
+        failures=list(dict.fromkeys([*failures, *unusable])),
         notes=[*warnings(environment), *notes_on_parameters(parameters)],
         settings=[
             ("processing", ", ".join(f"{name} {cell(value)}" for name, value in json.loads(one).items()))

@@ -42,7 +42,7 @@ def test_captures_become_a_map(part, tmp_path, capsys):
     first = min(KEPT)
     kinds = {f"{first}_{kind}.png" for kind in ("daps", "daps_polar", "pdp")}
     assert figures == {"map.png", "error_cdf.png", "RX2_L_RX9_L_daps_polar.png"} | kinds
-    for name in ("map.geojson", "truth/environment.geojson", "truth/paths.h5", "back-to-back.h5"):
+    for name in ("map.geojson", "truth/environment.geojson", "truth/paths.h5", "back-to-back.h5", "report.html"):
         assert (tmp_path / name).is_file()
 
     printed = capsys.readouterr()

@@ -1,5 +1,8 @@
 """The page of a street: one wall, three links, products of a few numbers. Names are those of somebody hostile."""
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,6 +10,7 @@ import xarray as xr
 import erm
 from erm.common.storage import open_group, provenance, write_product
 from erm.reconstruction.make_map import make_map
+from sounder.campaign.demo import run_demo
 from sounder.parameters.catalogue import PARAMETERS
 from sounder.parameters.statistics import campaign_statistics
 from sounder.quality.table import tabulate_remarks
@@ -97,3 +101,27 @@ def contents(tmp_path_factory) -> Contents:
 @pytest.fixture(scope="session")
 def page(contents, tmp_path_factory):
     return write_page(contents, tmp_path_factory.mktemp("written") / "report.html")
+
+
+@pytest.fixture(scope="session")
+def browser():
+    webdriver = pytest.importorskip("selenium.webdriver", reason="Selenium is not installed")
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if not (chromium and driver):
+        pytest.skip("there is no chromium with its chromedriver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1200,900"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    made = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    yield made
+    made.quit()
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory) -> Path:
+    """Folder of `sounder demo`."""
+    folder = tmp_path_factory.mktemp("demo")
+    run_demo(folder)
+    return folder

@@ -1,27 +1,10 @@
 """The page in headless Chromium: choose a wall, sort and filter, no error on the console."""
 
 import json
-import shutil
 
 import pytest
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def browser():
-    webdriver = pytest.importorskip("selenium.webdriver", reason="Selenium is not installed")
-    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if not (chromium and driver):
-        pytest.skip("there is no chromium with its chromedriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1200,900"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    made = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    yield made
-    made.quit()
 
 
 def test_the_page_answers(browser, page, contents):
@@ -142,8 +125,18 @@ return problems;
 """
 
 
-def test_every_mark_link_sort_and_filter_answers(browser, page):
-    browser.get(page.as_uri())
+@pytest.fixture
+def shown(request, browser):
+    """The page of the street, or that of the demo, in the browser."""
+    path = request.getfixturevalue(request.param)
+    browser.get((path if path.is_file() else path / "report.html").as_uri())
+    browser.set_script_timeout(300)
+    return browser
+
+
+@pytest.mark.parametrize("shown", ["page", "demo"], indirect=True)
+def test_every_mark_link_sort_and_filter_answers(shown):
+    browser = shown
     assert browser.execute_script(EVERY) == []
     assert browser.get_log("browser") == []
 

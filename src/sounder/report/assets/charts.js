@@ -4,7 +4,7 @@ const DASHES = { undefined: "solid", null: "solid", "6 4": "dashed", "2 3": "dot
 const GROUPS = { yes: ["LoS", "#0062a3"], no: ["NLoS", "#b84d00"], "not known": ["unknown", "#5a5a5a"] };
 
 /* Round values between two ends: steps of 1, 2, 5 times a power of ten; decades with 2 and 5 on logarithmic axes that are long enough. */
-function ticks(min, max, count, log) {
+function ticks(min, max, count, log, fixed) {
   const found = [];
   if (log) {
     for (let power = Math.floor(Math.log10(min)); 10 ** power <= max; power += 1) {
@@ -15,14 +15,14 @@ function ticks(min, max, count, log) {
   }
   const raw = (max - min) / count;
   const power = 10 ** Math.floor(Math.log10(raw));
-  const step = power * [1, 2, 5, 10].find((one) => one * power >= raw);
+  const step = fixed || power * [1, 2, 5, 10].find((one) => one * power >= raw);
   for (let i = Math.ceil(min / step); i * step <= max + step / 1e6; i += 1) found.push(Number((i * step).toPrecision(10)));
   return found;
 }
 
 /*
  * Draw a chart into an element.
- *   title: text; x, y: {title, min, max, log}; image: {href, x: [from, to], y: [from, to]}
+ *   title: text; x, y: {title, min, max, log, step}; image: {href, x: [from, to], y: [from, to]}
  *   series: [{name, colour, line, dash, dots, points: [[x, y, error]], tips: [text], pick: (i) => ...}]
  */
 function chart(host, { title, x, y, image = null, series = [], legend = true }) {
@@ -44,7 +44,7 @@ function chart(host, { title, x, y, image = null, series = [], legend = true }) 
       svg("text", { x: toX(value), y: box.bottom + 18, "text-anchor": "middle", "font-size": 13 }, String(value)),
     );
   }
-  for (const value of ticks(y.min, y.max, 6, y.log)) {
+  for (const value of ticks(y.min, y.max, 6, y.log, y.step)) {
     drawing.append(
       svg("line", { class: "grid", x1: box.left, x2: box.right, y1: toY(value), y2: toY(value) }),
       svg("text", { x: box.left - 6, y: toY(value) + 4, "text-anchor": "end", "font-size": 13 }, String(value)),

@@ -8,7 +8,7 @@ function drawMap(host, tools, { tip, choose, named }) {
   const [x, y] = [ends(places.map((one) => one[0])), ends(places.map((one) => -one[1]))];
   const whole = { x: x.min, y: y.min, width: x.max - x.min, height: y.max - y.min };
   const layers = {};
-  const root = svg("svg", { role: "group", "aria-label": "Map of walls, poles, reflection points, TX and RX", preserveAspectRatio: "xMidYMid meet" });
+  const root = svg("svg", { role: "group", "aria-label": "Map of walls, poles, reflection points, TX and RX", preserveAspectRatio: "xMidYMid meet", style: `aspect-ratio: ${whole.width / whole.height}` });
   for (const name of ["outline", "pairs", "walls", "points", "antennas", "ellipses", "rays", "names"]) root.append((layers[name] = svg("g", { id: `layer-${name}` })));
   const marks = {};
 

@@ -110,7 +110,7 @@ function showPosition(i, mpc = null) {
   const delays = { title: "delay [ns]", min: daps.first - daps.step / 2, max: far };
   chart(byId("daps"), {
     title: `DAPS of ${name}: ${daps.low} dB (dark) to ${daps.high} dB (bright), antenna included, ${daps.elevations}`,
-    x: delays, y: { title: "azimuth [degree]", min: low, max: high },
+    x: delays, y: { title: "azimuth [degree]", min: low, max: high, step: high - low > 180 ? 90 : 0 },
     image: { href: `data:image/png;base64,${daps.picture}`, x: [delays.min, delays.max], y: [low, high] },
     series: [dots(members, (k) => wrapped(mpcs.azimuth[k])), ...at((k) => wrapped(mpcs.azimuth[k]))],
   });
