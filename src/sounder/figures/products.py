@@ -84,18 +84,16 @@ def daps_cartesian(
     power = shown_delays.max("elevation") if elevation is None else shown_delays.sel(elevation=elevation)
     top = float(daps["daps"].max())
     azimuth = power["azimuth"].values
-    mesh = ax.pcolormesh(
-        power["delay"].values * 1e9,
-        azimuth,
+    image = ax.pcolorfast(
+        _edges(power["delay"].values * 1e9),
+        _edges(azimuth),
         power.values,
         cmap=POWER_MAP,
         vmin=max(top - DYNAMIC_RANGE, float(daps["noise_floor"].median())),
         vmax=top,
-        shading="nearest",
-        rasterized=True,
     )
     shown = elevations_shown(daps) if elevation is None else f"elevation {elevation:g}°"
-    _figure(ax).colorbar(mesh, ax=ax, label=f"Path gain incl. RX antenna (dB)\n{shown}", pad=0.02)
+    _figure(ax).colorbar(image, ax=ax, label=f"Path gain incl. RX antenna (dB)\n{shown}", pad=0.02)
     if mpc is not None and mpc.sizes["mpc"]:
         half = _half_step(azimuth)
         # 358 degrees belongs to the row of 0, which extends from -5 to 5
@@ -228,6 +226,12 @@ def _figure(ax: Axes) -> Figure:
 
 def _half_step(values: NDArray[np.float64]) -> float:
     return float(np.diff(values).min() / 2) if values.size > 1 else 180.0
+
+
+def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where the cells of values end: halfway to their neighbours, and as far on the other side of the outermost."""
+    half = np.diff(values) / 2 if values.size > 1 else np.array([_half_step(values)])
+    return np.concatenate([values[:1] - half[0], values[: half.size] + half, values[half.size :] + half[-1]])
 
 
 def _without_pale_third(name: str) -> Colormap:

@@ -204,5 +204,5 @@ def test_a_daps_says_which_elevations_it_shows():
     labels = [axes.get_ylabel().splitlines()[-1] for axes in figure.axes if "Path gain" in axes.get_ylabel()]
     assert labels == [COMBINED, "elevation 9°"]
     # the paths are at elevation 0: at 9 there is noise alone, on the scale of all
-    mesh = alone.collections[0]
-    assert (mesh.get_array().max(), mesh.get_clim()[1]) == (-150.0, -100.0)
+    image = alone.images[0]
+    assert (image.get_array().max(), image.get_clim()[1]) == (-150.0, -100.0)
