@@ -12,7 +12,7 @@ from pathlib import Path
 import campaign
 from startup import median_time
 
-from sounder.figures.files import draw_product
+from sounder.figures.files import draw_product, product_axes
 from sounder.figures.processes import PRODUCTS_PER_PROCESS
 from sounder.processing.jobs import gather
 from sounder.processing.pipeline import process
@@ -23,11 +23,12 @@ def main() -> None:
         path = campaign.write_recording(Path(folder), "RX", snapshots=2)
         jobs, _ = gather([path], calibration=campaign.write_calibration(Path(folder)))
         (product,) = process(jobs, Path(folder) / "products").products
-        draw_product(product, Path(folder))
+        axes = product_axes()
+        draw_product(product, Path(folder), axes=axes)
         start = median_time("-c", "import sounder.figures.processes", times=5)
         before = time.process_time()
         for _ in range(5):
-            draw_product(product, Path(folder))
+            draw_product(product, Path(folder), axes=axes)
         drawn = (time.process_time() - before) / 5
     print(f"start of a process       {start:6.2f} s")
     print(f"three figures of a product {drawn:4.2f} s, {start / drawn:.1f} of them in this time")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from erm.common.atomic import atomic_path
 from erm.common.errors import DataError, OptionError, internal_error, with_traceback
@@ -248,7 +248,7 @@ def _png(figure: "Figure") -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.image import imsave
 
-    canvas = FigureCanvasAgg(figure)
+    canvas = figure.canvas if type(figure.canvas) is FigureCanvasAgg else FigureCanvasAgg(figure)
     figure.savefig(io.BytesIO(), format="rgba", dpi=DPI, bbox_inches=figure.bbox_inches.padded(ROOM))
     image = np.asarray(canvas.buffer_rgba())
     colour = image.view(np.uint32)[..., 0]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
@@ -21,8 +22,25 @@ KINDS = ("daps_polar", "daps", "pdp")
 
 
 @drawing()
-def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]:
+def product_axes() -> list[Axes]:
+    """Axes of the figures of a product, in the order of :data:`KINDS`."""
+    polar, cartesian, profile = (Figure(figsize=(5.6, height)) for height in (4.2, 3.4, 3.2))
+    return [_polar(polar), cartesian.add_subplot(), profile.add_subplot()]
+
+
+@drawing()
+def draw_product(product: Path, out: Path, *, suffix: str = "png", axes: Sequence[Axes] | None = None) -> list[Path]:
     """Draw the DAPS (polar, and over delay and azimuth with the MPCs) and the PDP of a product.
+
+    Parameters
+    ----------
+    product : Path
+    out : Path
+        Folder.
+    suffix : str
+        Format of the figures.
+    axes : sequence of matplotlib.axes.Axes, optional
+        From :func:`product_axes`. With those of an earlier product the next takes half the time.
 
     Returns
     -------
@@ -38,12 +56,11 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png") -> list[Path]
     require_axes(
         mpc, product, dict.fromkeys(("delay", "azimuth", "azimuth_std", "path_gain", "path_gain_std"), ("mpc",))
     )
-    polar, cartesian, profile = (Figure(figsize=(5.6, height)) for height in (4.2, 3.4, 3.2))
-    figures.daps_polar([(name, daps)], _polar(polar))
-    figures.daps_cartesian(daps, cartesian.add_subplot(title=name), mpc=mpc)
-    figures.pdp([(name, daps)], profile.add_subplot(), mpc=mpc)
-    paths = figure_paths(product, out, suffix=suffix)
-    return [_save(figure, path) for figure, path in zip((polar, cartesian, profile), paths, strict=True)]
+    polar, cartesian, profile = axes = axes or product_axes()
+    figures.daps_polar([(name, daps)], cast(PolarAxes, polar))
+    figures.daps_cartesian(daps, cartesian, mpc=mpc).set_title(name)
+    figures.pdp([(name, daps)], profile, mpc=mpc)
+    return [_save(ax, path) for ax, path in zip(axes, figure_paths(product, out, suffix=suffix), strict=True)]
 
 
 @drawing()
@@ -117,6 +134,6 @@ def _polar(figure: Figure) -> PolarAxes:
     return cast(PolarAxes, axes)
 
 
-def _save(figure: Figure, path: Path) -> Path:
-    save_figure(figure, path)
+def _save(drawn: Figure | Axes, path: Path) -> Path:
+    save_figure(drawn, path)
     return path

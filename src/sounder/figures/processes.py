@@ -13,13 +13,16 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from subprocess import Popen
 
+from matplotlib.axes import Axes
+
 from erm.common.errors import DataError
 from erm.common.gate import confined, limits
-from sounder.figures.files import draw_elevations, draw_overlay, draw_product
+from sounder.figures.files import draw_elevations, draw_overlay, draw_product, product_axes
 from sounder.kernels.compiler.machine import processors
 
 PRODUCTS_PER_PROCESS = 8
@@ -91,7 +94,7 @@ def drawing(
     orders: list[Order] = [(str(product), str(out), suffix, elevations) for product in products]
     count = min(processors(), len(products) // PRODUCTS_PER_PROCESS)
     if count < 2:
-        yield map(_draw, orders)
+        yield map(partial(_draw, product_axes()), orders)
         return
     with ExitStack() as stack:
         idle: SimpleQueue[Popen[bytes]] = SimpleQueue()
@@ -124,11 +127,11 @@ def _ask(idle: "SimpleQueue[Popen[bytes]]", order: Order) -> tuple[list[Path], s
     return [Path(path) for path in answer["drawn"]], answer["failure"]
 
 
-def _draw(order: Order) -> tuple[list[Path], str]:
+def _draw(axes: Sequence[Axes], order: Order) -> tuple[list[Path], str]:
     product, out = map(Path, order[:2])
     drawn: list[Path] = []
     try:
-        drawn += draw_product(product, out, suffix=order[2])
+        drawn += draw_product(product, out, suffix=order[2], axes=axes)
         drawn += draw_elevations(product, out, suffix=order[2]) if order[3] else []
     except DataError as error:
         return drawn, str(error)
@@ -140,9 +143,10 @@ def main() -> None:
     if hasattr(os, "nice"):
         os.nice(10)
     limits.allow(limits.Limits(**json.loads(sys.argv[1])))
+    axes = product_axes()
     for line in sys.stdin:
         try:
-            drawn, failure = _draw(json.loads(line))
+            drawn, failure = _draw(axes, json.loads(line))
             answer = {"drawn": [str(path) for path in drawn], "failure": failure}
         except Exception:  # the process that asks raises it
             answer = {"error": traceback.format_exc()}

@@ -1,6 +1,6 @@
 """Figures of products: DAPS in polar form, DAPS over delay and azimuth with the MPCs, and PDP.
 
-Every function draws into the axes that it is given, and returns them.
+Every function draws into the axes that it is given, in place of what it drew there before, and returns them.
 """
 
 from collections.abc import Sequence
@@ -12,12 +12,12 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from sounder.figures.again import clear, colour_bar
 from sounder.parameters.selection import extraction_margin
 
 MPC_COLOUR = "#d55e00"
@@ -79,6 +79,7 @@ def daps_cartesian(
         One elevation of the scan [degree], on the scale of all. Default: the strongest elevation of each azimuth and
         delay.
     """
+    bars = clear(ax)
     end = last_visible_delay(daps)
     shown_delays = daps["daps"].isel(delay=slice(int(np.searchsorted(daps["delay"].values, end)) + 1))
     power = shown_delays.max("elevation") if elevation is None else shown_delays.sel(elevation=elevation)
@@ -93,7 +94,7 @@ def daps_cartesian(
         vmax=top,
     )
     shown = elevations_shown(daps) if elevation is None else f"elevation {elevation:g}°"
-    _figure(ax).colorbar(image, ax=ax, label=f"Path gain incl. RX antenna (dB)\n{shown}", pad=0.02)
+    colour_bar(image, ax, bars, label=f"Path gain incl. RX antenna (dB)\n{shown}", pad=0.02)
     if mpc is not None and mpc.sizes["mpc"]:
         half = _half_step(azimuth)
         # 358 degrees belongs to the row of 0, which extends from -5 to 5
@@ -135,6 +136,7 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
     """
     if not 1 <= len(products) <= 2:
         raise ValueError(f"{len(products)} positions; expected one or two in a polar diagram")
+    bars = clear(ax)
     maps = [colormaps[POWER_MAP]] if len(products) == 1 else [_without_pale_third(name) for name in OVERLAY_MAPS]
     outer = max(last_visible_delay(daps) for _, daps in products)
     sectors_drawn = np.zeros(360)
@@ -146,15 +148,18 @@ def daps_polar(products: Sequence[tuple[str, xr.Dataset]], ax: PolarAxes) -> Pol
         drawn = PolyCollection(list(corners * (1, 1e9)), array=values, cmap=colours, alpha=(1.0, 0.8)[index])
         ax.add_collection(drawn)
         np.add.at(sectors_drawn, np.degrees(corners[..., 0]).astype(int) % 360, 1)
-        if values.size:
-            _figure(ax).colorbar(
-                drawn,
-                ax=ax,
-                label=f"{name}: path gain incl. RX antenna (dB)\n{elevations_shown(daps)}",
-                location=("right", "left")[index],
-                pad=0.12,
-                shrink=0.8,
-            )
+        if not values.size:
+            drawn.set_clim(0, 1)  # of a bar that is not shown
+        bar = colour_bar(
+            drawn,
+            ax,
+            bars,
+            label=f"{name}: path gain incl. RX antenna (dB)\n{elevations_shown(daps)}",
+            location=("right", "left")[index],
+            pad=0.12,
+            shrink=0.8,
+        )
+        bar.ax.set_visible(values.size > 0)
     ax.set_rlim(0, outer * 1e9)
     ax.set_thetagrids(np.arange(0, 360, 30))
     ax.set_rlabel_position(_emptiest_gap(sectors_drawn))
@@ -182,6 +187,7 @@ def pdp(products: Sequence[tuple[str, xr.Dataset]], ax: Axes, *, mpc: xr.Dataset
         Group ``/mpc`` of the first product: drawn as circles with their standard deviations, with the least power by
         which MPCs were found in a beam of median noise.
     """
+    clear(ax)
     for name, daps in products:
         ax.plot(daps["delay"].values * 1e9, daps["pdp"].values, linewidth=0.9, label=name)
     made = {str(daps["pdp"].attrs.get("long_name", "")).rpartition(": ")[2] for _, daps in products}
@@ -215,13 +221,6 @@ def _mark_mpcs(daps: xr.Dataset, mpc: xr.Dataset, ax: Axes) -> None:
             elinewidth=0.8,
             label="MPC",
         )
-
-
-def _figure(ax: Axes) -> Figure:
-    figure = ax.get_figure(root=True)
-    if figure is None:
-        raise ValueError("the axes are not part of a figure")
-    return figure
 
 
 def _half_step(values: NDArray[np.float64]) -> float:

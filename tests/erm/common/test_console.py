@@ -6,9 +6,12 @@ from enum import StrEnum
 from threading import Event
 from typing import Annotated
 
+import numpy as np
 import pytest
 import typer
+from matplotlib import image
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from erm.common import console, errors
 from erm.common.errors import DataError, OptionError
@@ -123,6 +126,20 @@ def test_a_figure_is_saved_whole_or_told(tmp_path):
         console.save_figure(figure, tmp_path / "x.png" / "y.png")
     assert str(caught.value) == f"{tmp_path / 'x.png'}: is a file; choose a folder to write into"
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
+
+
+@pytest.mark.parametrize("inches", [0.2, 3.0])
+def test_a_figure_is_cut_to_what_is_drawn_wherever_it_is(tmp_path, inches):
+    figure = Figure(figsize=(1, 1))
+    figure.add_artist(Rectangle((1 + inches, 0.5), 0.1, 0.1, linewidth=0))
+    console.save_figure(figure, tmp_path / "x.png")
+    picture = image.imread(tmp_path / "x.png")
+    rows, columns = np.nonzero((picture[..., :3] != 1).any(axis=2))
+    height, width = picture.shape[:2]
+    assert (np.ptp(rows), np.ptp(columns)) == pytest.approx((16, 16), abs=2)
+    assert width - columns.max() == pytest.approx(17, abs=2)  # a tenth of an inch around
+    if inches < 1:
+        assert [rows.min(), height - rows.max(), columns.min()] == pytest.approx([17, 17, 17], abs=2)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of files")

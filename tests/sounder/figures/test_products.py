@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.colors import to_hex
 from matplotlib.projections.polar import PolarAxes
 
+from erm.common import console
 from sounder.figures import products
 
 STEP = 1 / 1.2e9
@@ -184,17 +185,36 @@ def test_text_is_readable_in_a_column(tmp_path, monkeypatch):
     drawn = {}
     save = files.save_figure
     monkeypatch.setattr(files, "_groups", lambda path, *others: (path.stem, product(), *[table([60]) for _ in others]))
-    monkeypatch.setattr(files, "save_figure", lambda figure, path: (drawn.update({path: figure}), save(figure, path)))
+    monkeypatch.setattr(files, "save_figure", lambda axes, path: (drawn.update({path: axes}), save(axes, path)))
     files.draw_product(tmp_path / "the-corner-of-the-old-market.h5", tmp_path)
     assert len(drawn) == 3
-    for path, figure in drawn.items():
+    for path, axes in drawn.items():
         picture = plt.imread(path)
         shrunk = 3.5 / (picture.shape[1] / 160)  # 160 points an inch
-        axes = figure.axes[0]
-        texts = [axes.xaxis.label, *axes.get_xticklabels(), *(t for ax in figure.axes[1:] for t in [ax.yaxis.label])]
+        texts = [
+            axes.xaxis.label,
+            *axes.get_xticklabels(),
+            *(t for ax in axes.figure.axes[1:] for t in [ax.yaxis.label]),
+        ]
         assert min(text.get_fontsize() for text in texts) * shrunk >= 6
         edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
         assert (edge == 1).all()  # white: nothing is cut
+
+
+@pytest.mark.slow
+def test_axes_that_are_drawn_into_again_give_the_figures_of_new_ones(tmp_path, monkeypatch):
+    from sounder.figures import files
+
+    of = {"weak": (product(((150.0, 60.0, -139.0),)), table([])), "plain": (product(), table([60, 240]))}
+    monkeypatch.setattr(files, "_groups", lambda path, *_: (path.stem, *of[path.stem]))
+    monkeypatch.setattr(console, "DPI", 40)
+    axes = files.product_axes()
+    for name in of:
+        files.draw_product(tmp_path / f"{name}.h5", tmp_path / "again", axes=axes)
+        bar = axes[0].figure.axes[1]
+        assert bar.get_visible() == (name == "plain")  # nothing is shown of what is weak
+    for new in files.draw_product(tmp_path / "plain.h5", tmp_path / "new"):
+        assert (tmp_path / "again" / new.name).read_bytes() == new.read_bytes(), new.name
 
 
 def test_a_daps_says_which_elevations_it_shows():
