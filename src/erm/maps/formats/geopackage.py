@@ -1,6 +1,7 @@
 """Environment as GeoPackage for GIS programs, a layer for each kind of thing; needs the extra ``gis``."""
 
 import json
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
@@ -12,7 +13,9 @@ from erm.common.atomic import atomic_path
 from erm.common.errors import DataError
 from erm.common.gate.geopackage import require_geopackage
 from erm.common.gate.nesting import parse_json
+from erm.common.messages import note
 from erm.common.optional import require_library
+from erm.common.printable import printable
 from erm.maps.features import Shape, points_of
 from erm.maps.formats.antennas import Points, antenna_points, reflection_points
 from erm.maps.formats.columns import DEFAULTS, Columns
@@ -99,25 +102,35 @@ def _write_layer(
 
 
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
-    """Read a file of `write`, or the first layer of any other file."""
+    """Read a file of `write`, or the first layer of any other file. What GDAL finds odd about it is said in a note."""
     library(path)
     require_geopackage(path)
-    rows: list[dict[str, Any]] = []
-    scene: dict[str, Any] = {}
-    try:
-        for layer in _layers(path):
-            crs, shapes, found = _read_layer(path, layer)
-            scene |= found
-            place = scene.get("georeference")
-            frame = None if place is None else Georeference.from_dict(place)
-            for shape in shapes:
-                rows += rows_of_shape(shape, crs, frame)
-    except DataError:
-        raise
-    except Exception as error:  # GDAL, GEOS and what is damaged raise errors of many types
-        raise DataError(f"{path}: not a GeoPackage of reflectors ({error})") from error
+    with warnings.catch_warnings(record=True) as odd:
+        warnings.simplefilter("always")
+        try:
+            rows, scene = _read(path)
+        except DataError:
+            raise
+        except Exception as error:  # GDAL, GEOS and what is damaged raise errors of many types
+            raise DataError(f"{path}: not a GeoPackage of reflectors ({error})") from error
+    for text in dict.fromkeys(str(each.message) for each in odd):
+        note(f"note: {path}: {printable(text)}")
     rows.sort(key=_number)  # as in the map; drawn ones come last
     return table_of_rows(rows), scene
+
+
+def _read(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Rows of all reflectors, and the scene."""
+    rows: list[dict[str, Any]] = []
+    scene: dict[str, Any] = {}
+    for layer in _layers(path):
+        crs, shapes, found = _read_layer(path, layer)
+        scene |= found
+        place = scene.get("georeference")
+        frame = None if place is None else Georeference.from_dict(place)
+        for shape in shapes:
+            rows += rows_of_shape(shape, crs, frame)
+    return rows, scene
 
 
 def _number(row: Mapping[str, Any]) -> float:

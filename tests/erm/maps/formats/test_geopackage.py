@@ -131,3 +131,13 @@ def test_a_drawing_in_a_projected_system(tmp_path):
     _, along, _ = rows_of(tmp_path / "map.gpkg", "arcs")
     np.testing.assert_allclose([arc.start_point.vec2, arc.end_point.vec2], along[[0, -1]], rtol=0, atol=1e-4)
     assert pyproj.CRS.from_wkt((tmp_path / "map.prj").read_text()).to_epsg() == 25832
+
+
+def test_what_gdal_finds_odd_is_a_note_and_no_warning(tmp_path, capsys):
+    path = tmp_path / "map.gpkg"
+    write_map(Environment.walls([[[0, 0], [9, 0]]]), path)
+    with closing(sqlite3.connect(path)) as file, file:
+        file.execute("UPDATE gpkg_contents SET srs_id = 24736")
+        file.execute("UPDATE gpkg_geometry_columns SET srs_id = 24736")
+    assert read_map(path).reflectors.sizes["reflector"] == 1
+    assert "note: " + str(path) + ": unable to read srs_id '24736'" in capsys.readouterr().err
