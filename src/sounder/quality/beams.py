@@ -233,9 +233,10 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     """How far each beam (beam,) contradicts the others [dB]; 0 where it does not.
 
     A beam contradicts if a path that the beams about it see is missing in it by `MISSING` or more, or if it sees a path
-    that at most one of them sees although the antenna's lobes overlap. It does not if it agrees about another path.
-    More power than expected is no contradiction: there may be a second path. A path that nearly all beams see through
-    their sidelobes is missing where there is only noise.
+    that at most one of them sees although the antenna's lobes overlap. It does not if it agrees about another path
+    with `MIN_BEAMS` others: fewer agree by themselves. More power than expected is no contradiction: there may be a
+    second path. A beam that lacks a path by `MISSING`, which nearly all see through their sidelobes, contradicts in any
+    case.
 
     Parameters
     ----------
@@ -244,7 +245,7 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
         Power over the noise of the beam; 0 where nothing was recorded.
     """
     figure, agrees = np.zeros(len(snr)), np.zeros(len(snr), bool)
-    agree = paths.agree & paths.consistent[:, None]
+    agree = paths.agree & (paths.agree.sum(axis=1) > MIN_BEAMS)[:, None] & paths.consistent[:, None]
     agrees[paths.around[agree]] = True
     short = paths.expected - paths.seen
     missing = paths.consistent[:, None] & (paths.around >= 0) & (paths.seen < UNSEEN) & (short > MISSING)
@@ -254,10 +255,11 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     least = paths.seen[:, :1] - paths.losses
     unseen = (others < np.maximum(np.minimum(least - FADING, UNSEEN), least - MISSING)).any(axis=1)
     np.maximum.at(figure, paths.beam[unseen], (paths.seen[:, 0] - others.min(axis=1, initial=np.inf))[unseen])
-    return np.where(agrees, 0, np.maximum(figure, _missing_everywhere(paths, snr)))
+    lack = lacking(paths, snr)
+    return np.maximum(np.where(agrees, 0, figure), np.where(lack > MISSING, lack, 0))
 
 
-def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
+def lacking(paths: Paths, snr: NDArray[np.floating]) -> Real:
     """What beams (beam,) lack of the strongest path, where nearly all others see it [dB]; 0 for beams that see it."""
     used = snr.any(axis=1)
     if not paths.delay.size or used.sum() < 4 * MIN_BEAMS:
@@ -265,8 +267,7 @@ def _missing_everywhere(paths: Paths, snr: NDArray[np.floating]) -> Real:
     three = (paths.delay[0] + np.array([-1, 0, 1])) % snr.shape[1]
     level = 10 * np.log10(np.maximum(snr[:, three].max(axis=1), NOTHING))
     low, usual, high = np.quantile(level[used], [0.25, 0.5, 0.75])
-    least = low - SPREAD * (high - low) - AGREEMENT
-    missing = used & (level < min(least, UNSEEN)) & (low > UNSEEN)
+    missing = used & (level < low - SPREAD * (high - low) - AGREEMENT) & (low > UNSEEN)
     return np.where(missing, usual - level, 0)
 
 

@@ -12,6 +12,7 @@ from sounder.quality.beams import (
     Neighbours,
     contradictions,
     find_paths,
+    lacking,
     shift_between,
 )
 from sounder.quality.clock import DRIFT_FALSE_ALARM, LEAST_DRIFT, clock_drift, lost_samples
@@ -47,7 +48,7 @@ def check_overlaps(scan: Scan) -> None:
         shifts = slips(measure_delays(snr, paths, near, CLOSE, strict=True), beams, recording.elevation.size)
         if not shifts.any():
             against = contradictions(paths, snr)
-            shifts = _reconciling_shifts(snr, near, against)
+            shifts = _reconciling_shifts(snr, near, np.maximum(against, lacking(paths, snr)))
         if not shifts.any():
             break
         for beam in np.flatnonzero(shifts):
@@ -81,7 +82,8 @@ def _reconciling_shifts(snr: NDArray[np.float32], near: Neighbours, against: Rea
         around = _seen_by_several(trusted[near.beam[beam][near.beam[beam] >= 0]])
         shifts[beam] = shift_between(snr[beam], around if np.any(around > MIN_SNR) else everywhere)
         trusted[beam] = np.roll(snr[beam], -shifts[beam]) if shifts[beam] else 0
-    still = contradictions(find_paths(trusted, near), trusted)
+    paths = find_paths(trusted, near)
+    still = np.maximum(contradictions(paths, trusted), lacking(paths, trusted))
     return np.where(still > 0, 0, shifts)
 
 

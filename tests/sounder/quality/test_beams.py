@@ -24,3 +24,19 @@ def test_a_beam_lacks_the_strongest_path_only_where_others_see_it_clearly(level,
     against = contradictions(find_paths(snr, near), snr)
     assert (against[18] > 0) == told
     assert not np.delete(against, 18).any()
+
+
+def test_three_beams_that_agree_about_a_path_of_their_own_absolve_none_of_them():
+    # level and two angles fit any three powers; each of the three sees a stronger path that no other beam sees
+    horn = load_sounder(calibration("sounder-132ghz.toml")).rx_antenna
+    azimuth = np.arange(0.0, 360.0, 10.0)
+    near = Neighbours.of(azimuth, np.zeros(1), horn)
+    snr = np.random.default_rng(2).exponential(1.0, (azimuth.size, 1022)).astype(np.float32)
+    lobe = 40 + Pattern.of(horn).beam_gain(2.5, 0.0, azimuth, np.zeros(azimuth.size))
+    slipped = [35, 0, 1]
+    snr[slipped, DELAY] = 10 ** (lobe[slipped] / 10)
+    for number, beam in enumerate(slipped):
+        snr[beam, 100 + 50 * number] = 1e5
+    paths = find_paths(snr, near)
+    assert paths.consistent[paths.delay == DELAY].all()
+    assert (contradictions(paths, snr)[slipped] > 0).all()
