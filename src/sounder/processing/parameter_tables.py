@@ -1,7 +1,7 @@
 """Tables of channel parameters as files: one row a position or one row a statistic, as CSV, LaTeX or HDF5."""
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -127,7 +127,8 @@ def _latex_positions(parameters: xr.Dataset) -> Iterable[str]:
     """Lines of a tabular for booktabs, and its definition as a comment."""
     units = [SCALES[PARAMETERS[name].unit][1] for name in PRINTED]
     heads = [_bracketed(PARAMETERS[name].text, unit) for name, unit in zip(PRINTED, units, strict=True)]
-    yield from _definitions(np.unique(parameters["definition"].values).tolist(), PRINTED)
+    defined = {PARAMETERS[name].text: PARAMETERS[name].definition for name in PRINTED}
+    yield from _definitions(np.unique(parameters["definition"].values).tolist(), defined)
     yield rf"\begin{{tabular}}{{ll{'r' * (len(PRINTED) + 1)}}}"
     yield r"\toprule"
     yield " & ".join(["Position", "", "Distance [m]", *heads]) + r" \\"
@@ -148,7 +149,12 @@ def _latex_statistics(statistics: Sequence[Statistic]) -> Iterable[str]:
     groups = list(dict.fromkeys(one.group for one in statistics))
     names = list(dict.fromkeys(one.parameter for one in statistics))
     known = {(one.group, one.parameter, one.statistic): one for one in statistics}
-    yield from _definitions(dict.fromkeys(one.definition.rpartition("; from ")[2] for one in statistics), ())
+    parts = {one.parameter: one.definition.partition("; from ") for one in statistics}
+    defined = {
+        PARAMETERS[name].text if name in PARAMETERS else name.replace("_", " "): definition
+        for name, (definition, _, _) in parts.items()
+    }
+    yield from _definitions(dict.fromkeys(f"from {how}" for _, _, how in parts.values()), defined)
     yield rf"\begin{{tabular}}{{l{'r' * len(groups)}}}"
     yield r"\toprule"
     yield " & ".join(["Median (10 \\%, 90 \\%)", *groups]) + r" \\"
@@ -172,12 +178,12 @@ def _latex_statistics(statistics: Sequence[Statistic]) -> Iterable[str]:
     yield r"\end{tabular}"
 
 
-def _definitions(selections: Iterable[str], names: Iterable[str]) -> Iterable[str]:
+def _definitions(selections: Iterable[str], defined: Mapping[str, str]) -> Iterable[str]:
     """Comments of LaTeX that say what the numbers are."""
     for selection in selections:
         yield f"% {selection}"
-    for name in names:
-        yield f"% {PARAMETERS[name].text}: {PARAMETERS[name].definition}"
+    for text, definition in defined.items():
+        yield f"% {text}: {definition}"
 
 
 def _with_interval(one: Statistic | None) -> str:

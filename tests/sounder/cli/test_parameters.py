@@ -67,6 +67,8 @@ def test_latex_and_hdf5(files, tmp_path):
         assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 1
         assert len({line.count("&") for line in body}) == 1  # as many cells in each row
         assert "nan" not in text
+        assert "% RMS delay spread: square root of the second central moment of delay; ITU-R P.1407 2.2.3" in text
+        assert "% from MPCs; threshold: " in text
     assert run("parameters", files[0], "--out", tmp_path / "a.h5") == 0
     with xr.open_dataset(tmp_path / "a.h5", engine="h5netcdf") as made:
         assert made["rms_delay_spread"].attrs["units"] == "s"
