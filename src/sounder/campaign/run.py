@@ -184,7 +184,7 @@ def _map_and_tables(
         statistics,
         list({job.b2b.source: job.b2b for job in jobs}.values()),
         outline,
-        notes=[*outcome.notes, *warnings(environment), *remarks_on_power(located, names)],
+        notes=[*outcome.notes, *warnings(environment), *remarks_on_power(table, located, names)],
         internal=outcome.internal,
     )
     if outline is not None:

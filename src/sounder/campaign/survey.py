@@ -75,13 +75,13 @@ def remarks_on_table(table: xr.Dataset) -> list[str]:
     return lines
 
 
-def remarks_on_power(located: xr.Dataset, names: Sequence[str]) -> list[str]:
+def remarks_on_power(table: xr.Dataset, located: xr.Dataset, names: Sequence[str]) -> list[str]:
     """Lines about positions without MPCs, and about direct paths far under free space.
 
     Parameters
     ----------
-    located : xarray.Dataset
-        MPCs of all positions, from :func:`erm.reconstruct`.
+    table, located : xarray.Dataset
+        MPCs of all positions, as measured and from :func:`erm.reconstruct`, which removes a common error of the gains.
     names : sequence of str
         All positions.
 
@@ -90,7 +90,8 @@ def remarks_on_power(located: xr.Dataset, names: Sequence[str]) -> list[str]:
     >>> columns = {"position": ["RX1"], "reason": ["direct_path"], "los": [1], "path_gain": [-140.0]}
     >>> table = xr.Dataset({name: ("mpc", values) for name, values in columns.items()})
     >>> table["delay"], table["frequency"] = ("mpc", [1e-7]), ("mpc", [132e9])
-    >>> for line in remarks_on_power(table, ["RX1", "RX2"]):
+    >>> located = table.assign(path_gain=table["path_gain"] + 30)
+    >>> for line in remarks_on_power(table, located, ["RX1", "RX2"]):
     ...     print(line)
     1 of 2 positions without any MPC: RX2; check antennas, gains and the back-to-back
     1 of 1 direct path 35 dB or more under free space: RX1; check attenuator, antenna gains and the line of sight
@@ -102,7 +103,7 @@ def remarks_on_power(located: xr.Dataset, names: Sequence[str]) -> list[str]:
             f"{len(empty)} of {counted(len(names), 'position')} without any MPC: {_few(empty)}; check antennas, gains "
             "and the back-to-back"
         )
-    direct = located.isel(
+    direct = table.isel(
         mpc=np.flatnonzero((located["reason"].values == Reason.DIRECT_PATH) & (located["los"].values == 1))
     )
     under = -direct["path_gain"].values - free_space_path_loss(direct["delay"].values * c, direct["frequency"].values)
