@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from erm.common.console import counted
+from erm.common.console import counted, save_figure
+from erm.figures import plot_map
 from erm.maps.environment import Environment
 from erm.maps.reflectors import counted_reflectors
 from erm.reconstruction.summary import explain_unused
@@ -93,6 +95,14 @@ class CampaignResult:
         return f"{found} from {used} of {measured}"
 
     @property
+    def unknown_positions(self) -> list[str]:
+        """One line for each position whose figures are asked for and that was not processed."""
+        asked, source = self.campaign.figures.positions, self.campaign.source
+        names = {str(root["position"].item()) for root in self.products.values()}
+        unknown = [name for name in asked if name not in names] if isinstance(asked, tuple) else []
+        return [f"{source}: figures.positions: {name} is not a processed position" for name in unknown]
+
+    @property
     def summary(self) -> list[str]:
         """Lines about products, map and report."""
         folder = Path(os.path.normpath(self.out))  # to read, not to open: with links it may be another folder
@@ -109,3 +119,11 @@ class CampaignResult:
 def map_figure(campaign: "Campaign", out: Path) -> Path:
     """File of the figure of the map."""
     return out / FIGURES / f"map.{campaign.figures.format}"
+
+
+def draw_map(result: CampaignResult) -> None:
+    """Draw the map of a campaign, with its MPCs and the outline, into its file."""
+    axes = Figure(figsize=(7.0, 6.0)).add_subplot()
+    numbers = [str(i) for i in range(result.environment.reflectors.sizes["reflector"])]
+    plot_map(result.environment, table=result.located, outline=result.outline, names=numbers, annotated=True, ax=axes)
+    save_figure(axes, result.map_figure)

@@ -1,13 +1,12 @@
 """Run of a campaign: from its recordings to products, MPC table, map, figures and report."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from erm.common import console
@@ -18,7 +17,6 @@ from erm.common.outputs import locked, protect_inputs, require_folder
 from erm.common.page import remove_outdated
 from erm.common.storage import open_groups
 from erm.evaluation.evaluate_map import evaluate_map
-from erm.figures import plot_map
 from erm.maps.environment import Environment
 from erm.maps.formats import PLACED, require_format, write_map
 from erm.maps.georeference import known_system
@@ -41,12 +39,13 @@ from sounder.campaign.result import (
     STATISTICS,
     TABLE,
     CampaignResult,
+    draw_map,
     map_figure,
 )
 from sounder.campaign.survey import remarks_on_power, remarks_on_survey
 from sounder.figures.files import figure_paths, is_up_to_date
 from sounder.figures.parameter_files import PARAMETER_FIGURES, draw_parameters
-from sounder.figures.processes import drawing
+from sounder.figures.processes import Drawing
 from sounder.parameters.statistics import Statistic, campaign_statistics
 from sounder.processing.channel_parameters import channel_parameters
 from sounder.processing.jobs import Job
@@ -120,29 +119,36 @@ def _run(
     protect_inputs(outputs, {*campaign.inputs, *(job.recording.source for job in jobs)})
     remove_outdated(out / REPORT)
     processing = campaign.processing
-    with console.progress("processing positions", len(jobs)) as advance:
-        outcome = process(
-            jobs,
-            out / PRODUCTS,
-            options=processing.options,
-            threads=processing.threads,
-            workers=processing.workers,
-            scheduler=processing.scheduler,
-            resume=True,
-            progress=advance,
-            each=processed,
-        )
-    failures += outcome.failures
-    if not outcome.products:
-        raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
-    roots = {product: open_groups(product, "/", "/mpc", "/quality", "/daps")[0] for product in outcome.products}
-    figures, missing = _figures_to_draw(campaign, out, roots)
-    with drawing(missing, out / FIGURES, suffix=campaign.figures.format) as drawn:
+    figures: dict[Path, list[Path]] = {}
+    with Drawing(out / FIGURES, suffix=campaign.figures.format) as drawing:
+
+        def each(part: Outcome) -> None:
+            for product in part.products:
+                figures.update(_order_figures(campaign, product, out, drawing))
+            if processed is not None:
+                processed(part)
+
+        with console.progress("processing positions", len(jobs)) as advance:
+            outcome = process(
+                jobs,
+                out / PRODUCTS,
+                options=processing.options,
+                threads=processing.threads,
+                workers=processing.workers,
+                scheduler=processing.scheduler,
+                resume=True,
+                progress=advance,
+                each=each,
+            )
+        failures += outcome.failures
+        if not outcome.products:
+            raise DataError("\n".join([*failures, f"{out}: no map; no position could be processed"]))
+        roots = {product: open_groups(product, "/", "/mpc", "/quality", "/daps")[0] for product in outcome.products}
         result = _map_and_tables(campaign, out, outline, jobs, outcome, roots)
-        result.figures = figures
-        result.failures = [*failures, *result.failures, *_unknown_positions(result)]
+        result.figures = {product: figures[product] for product in roots if product in figures}
+        result.failures = [*failures, *result.failures, *result.unknown_positions]
         _write_page(result)  # before the figures of positions, which take the most time
-        if failed := _draw(result, drawn, len(missing)):
+        if failed := _draw(result, drawing):
             result.failures += failed
             _write_page(result)
     return result
@@ -190,7 +196,7 @@ def _map_and_tables(
     if outline is not None:
         result.score = evaluate_map(environment, outline, (environment, located))
     result.failures = [*problems, *remarks_on_survey(outcome.products)]
-    _draw_map(result)
+    draw_map(result)
     if campaign.figures.positions != "none":
         draw_parameters(parameters, statistics, out / FIGURES, suffix=campaign.figures.format)
     return result
@@ -256,51 +262,32 @@ def _write_page(result: CampaignResult) -> None:
     write_page(page_contents(result), result.out / REPORT)
 
 
-def _figures_to_draw(
-    campaign: Campaign, out: Path, roots: Mapping[Path, xr.Dataset]
-) -> tuple[dict[Path, list[Path]], list[Path]]:
-    """Figures of the positions that the campaign asks for, by their product, and the products whose are missing.
+def _order_figures(campaign: Campaign, product: Path, out: Path, drawing: Drawing) -> dict[Path, list[Path]]:
+    """Figures of a position by its product, if the campaign asks for them; those that are missing are ordered.
 
     Outdated figures are removed, so that the page never shows figures of another run.
     """
-    wanted: dict[Path, list[Path]] = {}
-    missing = []
-    for product, root in roots.items():
-        if not campaign.figures.wanted(str(root["position"].item())):
-            continue
-        paths = wanted[product] = figure_paths(product, out / FIGURES, suffix=campaign.figures.format)
-        if not is_up_to_date(paths, product):
-            missing.append(product)
-            for path in paths:
-                with suppress(OSError):
-                    path.unlink()
-    return wanted, missing
+    (root,) = open_groups(product, "/")
+    if not campaign.figures.wanted(str(root["position"].item())):
+        return {}
+    paths = figure_paths(product, out / FIGURES, suffix=campaign.figures.format)
+    if not is_up_to_date(paths, product):
+        for path in paths:
+            with suppress(OSError):
+                path.unlink()
+        drawing.order(product)
+    return {product: paths}
 
 
-def _unknown_positions(result: CampaignResult) -> list[str]:
-    """One line for each position whose figures are asked for and that was not processed."""
-    asked, source = result.campaign.figures.positions, result.campaign.source
-    names = {str(root["position"].item()) for root in result.products.values()}
-    unknown = [name for name in asked if name not in names] if isinstance(asked, tuple) else []
-    return [f"{source}: figures.positions: {name} is not a processed position" for name in unknown]
-
-
-def _draw(result: CampaignResult, drawn: Iterator[tuple[list[Path], str]], count: int) -> list[str]:
+def _draw(result: CampaignResult, drawing: Drawing) -> list[str]:
     """Wait for the figures of products; return failures."""
     failures = []
     try:
-        with console.progress("drawing", count) as advance:
-            for _, failure in drawn:
+        with console.progress("drawing", len(drawing)) as advance:
+            for _, failure in drawing.results():
                 failures += [failure] if failure else []
                 advance()
     except DataError as error:
         failures.append(str(error))
     result.figures = {product: paths for product, paths in result.figures.items() if is_up_to_date(paths, product)}
     return failures
-
-
-def _draw_map(result: CampaignResult) -> None:
-    axes = Figure(figsize=(7.0, 6.0)).add_subplot()
-    numbers = [str(i) for i in range(result.environment.reflectors.sizes["reflector"])]
-    plot_map(result.environment, table=result.located, outline=result.outline, names=numbers, annotated=True, ax=axes)
-    console.save_figure(axes, result.map_figure)

@@ -10,10 +10,9 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from subprocess import Popen
@@ -71,8 +70,10 @@ def draw_products(
     """
     written: list[Path] = []
     failures: list[str] = []
-    with drawing(products, out, suffix=suffix, elevations=elevations) as each:
-        for drawn, failure in each:
+    with Drawing(out, suffix=suffix, elevations=elevations) as drawing:
+        for product in products:
+            drawing.order(product)
+        for drawn, failure in drawing.results():
             written += drawn
             failures += [failure] if failure else []
             if progress is not None:
@@ -82,29 +83,50 @@ def draw_products(
     return written, failures
 
 
-@contextmanager
-def drawing(
-    products: Sequence[Path], out: Path, *, suffix: str = "png", elevations: bool = False
-) -> Iterator[Iterator[tuple[list[Path], str]]]:
-    """Draw the figures of products in the background, if other processes draw them.
+class Drawing:
+    """Figures of products, drawn in the background from when each product is ordered, if other processes draw them.
 
-    Yielded is an iterator over the files of each product and what failed, in the order of the products. Parameters and
-    errors are those of :func:`draw_products`.
+    Parameters and errors are those of :func:`draw_products`. It is a context: at its end, and so after Ctrl-C, what is
+    being drawn is completed, and the rest is not begun.
     """
-    orders: list[Order] = [(str(product), str(out), suffix, elevations) for product in products]
-    count = min(processors(), len(products) // PRODUCTS_PER_PROCESS)
-    if count < 2:
-        yield map(partial(_draw, product_axes()), orders)
-        return
-    with ExitStack() as stack:
-        idle: SimpleQueue[Popen[bytes]] = SimpleQueue()
-        for _ in range(count):
-            idle.put(stack.enter_context(confined.start(__name__, json.dumps(asdict(limits.current())))))
-        threads = ThreadPoolExecutor(count)
-        try:
-            yield threads.map(lambda order: _ask(idle, order), orders)
-        finally:  # Ctrl-C too: what is being drawn is completed, the rest is not begun
-            threads.shutdown(cancel_futures=True)
+
+    def __init__(self, out: Path, *, suffix: str = "png", elevations: bool = False) -> None:
+        self._folder, self._suffix, self._elevations = str(out), suffix, elevations
+        self._orders: list[Order] = []
+        self._drawn: list[Future[tuple[list[Path], str]]] = []
+        self._processes: list[Popen[bytes]] = []
+        self._idle: SimpleQueue[Popen[bytes]] = SimpleQueue()
+
+    def __enter__(self) -> "Drawing":
+        self._threads = ThreadPoolExecutor(processors())
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._threads.shutdown(cancel_futures=True)
+        for process in self._processes:
+            process.__exit__(None, None, None)
+
+    def __len__(self) -> int:
+        return len(self._orders)
+
+    def order(self, product: Path) -> None:
+        """Have a product drawn."""
+        self._orders.append((str(product), self._folder, self._suffix, self._elevations))
+        most = processors() if processors() > 1 else 0
+        if len(self._processes) < min(most, len(self) // PRODUCTS_PER_PROCESS):
+            self._processes.append(confined.start(__name__, json.dumps(asdict(limits.current()))))
+            self._idle.put(self._processes[-1])
+        if self._processes:
+            waiting = self._orders[len(self._drawn) :]
+            self._drawn += [self._threads.submit(_ask, self._idle, order) for order in waiting]
+
+    def results(self) -> Iterator[tuple[list[Path], str]]:
+        """Wait for the files of each product and what failed, in the order of the orders."""
+        for drawn in self._drawn:
+            yield drawn.result()
+        if waiting := self._orders[len(self._drawn) :]:
+            axes = product_axes()
+            yield from (_draw(axes, order) for order in waiting)
 
 
 def _ask(idle: "SimpleQueue[Popen[bytes]]", order: Order) -> tuple[list[Path], str]:

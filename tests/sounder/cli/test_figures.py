@@ -1,6 +1,7 @@
 """`sounder figures`: a picture of every product, and of two together."""
 
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -36,16 +37,21 @@ def test_a_panel_for_each_elevation_on_request(products, tmp_path):
     assert (tmp_path / "out" / "RX1_elevations.png").stat().st_size > 10_000
 
 
+def drawn(wanted, out) -> list[tuple[list[Path], str]]:
+    with processes.Drawing(out) as drawing:
+        for product in wanted:
+            drawing.order(product)
+        return list(drawing.results())
+
+
 @pytest.mark.slow
 def test_several_processes_draw_the_same_as_this_one(campaign, products, tmp_path, monkeypatch):
     wanted = [campaign / "raw" / "RX1.h5", products / "RX1.h5"]
-    with processes.drawing(wanted, tmp_path / "alone") as drawn:
-        alone = list(drawn)
+    alone = drawn(wanted, tmp_path / "alone")
     monkeypatch.setattr(processes, "PRODUCTS_PER_PROCESS", 1)
     monkeypatch.setattr(processes, "processors", lambda: 2)
-    with processes.drawing(wanted, tmp_path / "shared") as drawn:
-        shared = list(drawn)
-    assert [len(drawn) for drawn, _ in shared] == [0, 3]
+    shared = drawn(wanted, tmp_path / "shared")
+    assert [len(files) for files, _ in shared] == [0, 3]
     assert [failure for _, failure in shared] == [failure for _, failure in alone]
     assert "raw" in alone[0][1]
     assert digest(tmp_path / "shared") == digest(tmp_path / "alone")
@@ -57,8 +63,5 @@ def test_a_process_that_was_killed_is_reported(tmp_path, monkeypatch):
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     monkeypatch.setattr(processes.confined, "start", lambda *_: subprocess.Popen(["true"], **pipes))
     wanted = [tmp_path / "RX1.h5", tmp_path / "RX2.h5"]
-    with (
-        processes.drawing(wanted, tmp_path) as drawn,
-        pytest.raises(DataError, match=r"RX1\.h5: not drawn .* draw it again"),
-    ):
-        list(drawn)
+    with pytest.raises(DataError, match=r"RX1\.h5: not drawn .* draw it again"):
+        drawn(wanted, tmp_path)

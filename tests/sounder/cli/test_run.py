@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shutil
-from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
@@ -139,19 +138,17 @@ def test_what_exists_is_not_made_again(made, capsys):
 
 @pytest.mark.slow
 def test_the_page_is_there_before_figures_and_says_afterwards_which_failed(made, copied, monkeypatch, capsys):
-    @contextmanager
-    def drawing(products, out, *, suffix):
-        yield drawn(out)
-
-    def drawn(out):
-        assert (out.parent / "report.html").is_file()
-        assert names(out) == [f"{name}.png" for name in OF_ALL]  # those of an older product are gone
-        yield [], "RX2.h5: no room for figures"
+    class Failing(campaign_run.Drawing):
+        def results(self):
+            out = copied / "street"
+            assert (out / "report.html").is_file()
+            assert names(out / "figures") == [f"{name}.png" for name in OF_ALL]  # those of an older product are gone
+            yield [], "RX2.h5: no room for figures"
 
     shutil.copytree(made / "street", copied / "street")
     os.utime(copied / "street" / "figures" / "RX2_pdp.png", (1, 1))
     shutil.copy(made / "street.toml", copied)
-    monkeypatch.setattr(campaign_run, "drawing", drawing)
+    monkeypatch.setattr(campaign_run, "Drawing", Failing)
     assert run("run", copied / "street.toml") == 1
     assert capsys.readouterr().err == "RX2.h5: no room for figures\n"
     page = (copied / "street" / "report.html").read_text(encoding="utf-8")

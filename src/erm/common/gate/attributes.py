@@ -16,30 +16,33 @@ class Attributes(Mapping[str, Any]):
     """Attributes of a node. A text is ``str``; what is no text or number, or is too large, is refused."""
 
     def __init__(self, path: Path, node: Any) -> None:
-        self._path, self._node = path, node
+        self._path, self._node = path, node.attrs
+        self._read: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
-        if name not in self:
-            raise KeyError(name)
-        with refused(self._path, f"attribute {name}: "):
-            attribute = self._node.attrs.get_id(name)
-            length = prod(attribute.shape) * attribute.get_type().get_size()
-            if length > MAX_TEXT:
-                raise DataError(f"{self._path}: attribute {name} has {limits.size(length)}; expected less")
-            return _decoded(self._node.attrs[name])
+        if name not in self._read:
+            if name not in self:
+                raise KeyError(name)
+            with refused(self._path, f"attribute {name}: "):
+                attribute = self._node.get_id(name)
+                length = prod(attribute.shape) * attribute.get_type().get_size()
+                if length > MAX_TEXT:
+                    raise DataError(f"{self._path}: attribute {name} has {limits.size(length)}; expected less")
+                self._read[name] = _decoded(self._node[name])
+        return self._read[name]
 
     def __contains__(self, name: object) -> bool:
         with refused(self._path, "attributes: "):
-            return isinstance(name, str) and name in self._node.attrs
+            return isinstance(name, str) and name in self._node
 
     def __iter__(self) -> Iterator[str]:
         with refused(self._path, "attributes: "):
-            names = list(self._node.attrs)
+            names = list(self._node)
         return iter(names)
 
     def __len__(self) -> int:
         with refused(self._path, "attributes: "):
-            return len(self._node.attrs)
+            return len(self._node)
 
     def text(self, name: str, default: str | None = None) -> str:
         """Value of one text, as any language writes it, without control characters.

@@ -127,7 +127,7 @@ class Dataset:
             if (chunks := self._chunks) is not None:
                 chunks.require(selection)
 
-    @property
+    @cached_property
     def is_scale(self) -> bool:
         """Whether it holds the values of an axis.
 
