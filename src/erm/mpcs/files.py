@@ -297,11 +297,17 @@ def _number(text: str, blank_allowed: bool) -> float:
 def _impossible_errors(
     table: "xr.Dataset", given: Mapping[str, npt.NDArray[np.float64]], path: Path | str, lines: Sequence[int] | None
 ) -> list[str]:
-    """Make standard deviations unknown that are not positive or too large; one line for each column that has any."""
+    """Make standard deviations unknown that are too small or too large; one line for each column that has any."""
     problems = []
     for name, most in LARGEST_STD.items():
         stated = given.get(name, np.empty(0))
-        for what, wrong in {"not positive": stated <= 0, f"above {most:g}": stated > most}.items():
+        least = most * np.finfo(float).eps  # the rounding of a value; squares of far less are zero
+        odd = {
+            "not positive": stated <= 0,
+            f"below {least:.0e}": (stated > 0) & (stated < least),
+            f"above {most:g}": stated > most,
+        }
+        for what, wrong in odd.items():
             if wrong.any():
                 table[name].values[wrong] = np.nan
                 first = int(np.argmax(wrong))
