@@ -129,11 +129,12 @@ def make_reflectors(
     for name, value, dtype, shape in given:
         columns[name] = np.array(np.broadcast_to(np.asarray(value, dtype=dtype), (count, *shape)))
 
-    along = ends[:, 1] - ends[:, 0]
-    azimuth = np.degrees(np.arctan2(along[:, 0], -along[:, 1])) % 360  # the left of `along`
     derived = (columns["kind"] == "wall") & (np.isnan(columns["normal"]) | np.isnan(columns["offset"]))
-    columns["normal"] = np.where(derived, azimuth, columns["normal"] % 360)
-    columns["offset"] = np.where(derived, (unit(columns["normal"]) * ends[:, 0]).sum(-1), columns["offset"])
+    with np.errstate(over="ignore", invalid="ignore"):  # `check_reflectors` refuses what is no place
+        along = ends[:, 1] - ends[:, 0]
+        azimuth = np.degrees(np.arctan2(along[:, 0], -along[:, 1])) % 360  # the left of `along`
+        columns["normal"] = np.where(derived, azimuth, columns["normal"] % 360)
+        columns["offset"] = np.where(derived, (unit(columns["normal"]) * ends[:, 0]).sum(-1), columns["offset"])
     columns["centre"] = np.where((columns["kind"] == "pole")[:, None], ends[:, 0], columns["centre"])
     return xr.Dataset(
         {
@@ -161,8 +162,9 @@ def check_reflectors(table: "xr.Dataset") -> None:
     ends = table.end_points.values
     is_wall, is_arc = kind == "wall", kind == "arc"
     size = np.abs(table.radius.values)
-    off = np.linalg.norm(ends - table.centre.values[:, None], axis=-1) - size[:, None]
-    length = np.hypot(*np.moveaxis(ends[:, 1] - ends[:, 0], -1, 0))
+    with np.errstate(over="ignore", invalid="ignore"):  # the first rule refuses what is no place
+        off = np.linalg.norm(ends - table.centre.values[:, None], axis=-1) - size[:, None]
+        length = np.hypot(*np.moveaxis(ends[:, 1] - ends[:, 0], -1, 0))
     base, top = table.base.values, table.top.values
     beyond = [(np.abs(height) >= FARTHEST) & np.isfinite(height) for height in (base, top)]
     rules = (

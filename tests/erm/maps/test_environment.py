@@ -250,6 +250,9 @@ def test_impossible_reflectors_are_refused(change, complaint):
 def test_impossible_places_are_refused():
     with pytest.raises(DataError, match="end points"):
         Environment.walls([[[0, np.nan], [1, 0]]])
+    for place in (1e308, -1e308, np.inf):
+        with pytest.raises(DataError, match="end points"):
+            Environment.walls([[[0, place], [1, -place]]])
     with pytest.raises(DataError, match=r"ground or ceiling at 1e\+200 m; expected a height on earth"):
         Environment.empty(ground=Slab(1e200))
     with pytest.raises(DataError, match="not above the ground"):

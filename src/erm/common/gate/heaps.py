@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from erm.common.errors import DataError
+from erm.common.gate.nesting import MAX_DEPTH
 
 BEGINNING = b"GCOL\1\0\0\0"
 OBJECT = struct.Struct("<H6xQ")
@@ -66,19 +67,22 @@ def _large_data(path: str, size: int) -> list[tuple[int, int]]:
 
     found: list[tuple[int, int]] = []
 
-    def note(name: bytes) -> None:
+    def note(name: bytes) -> bool | None:
+        if name.count(b"/") > MAX_DEPTH:
+            return True  # ends here: what is not known to be data is searched
         node = h5py.h5o.open(file.id, name)
         if not isinstance(node, h5py.h5d.DatasetID):
-            return
+            return None
         plist = node.get_create_plist()
         if plist.get_layout() not in (h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED) or plist.get_external_count():
-            return
+            return None
         if node.get_storage_size() < BLOCK:
-            return
+            return None
         if (offset := node.get_offset()) is not None:
             found.append((offset, node.get_storage_size()))
         elif hasattr(node, "chunk_iter"):  # absent where h5py was built with an older HDF5
             node.chunk_iter(lambda chunk: found.append((chunk.byte_offset, chunk.size)))
+        return None
 
     try:
         with h5py.File(path, "r") as file:
