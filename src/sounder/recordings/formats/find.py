@@ -1,5 +1,6 @@
 """Which format of samples a file has."""
 
+from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,12 @@ from sounder.recordings.formats.content import Content
 OWN = (sigmf_recording, iq_tar, tdms, raw)
 
 
+@cache
 def readers() -> list[Any]:
-    """Modules that read files without a layout (``recordings``) or with one (``content``): own ones, then others'."""
+    """Modules that read files without a layout (``recordings``) or with one (``content``): own ones, then others'.
+
+    To look for others' goes through all packages that are installed, which takes as long as to open a recording.
+    """
     return [*OWN, *(entry.load() for entry in entry_points(group="sounder.readers"))]
 
 
