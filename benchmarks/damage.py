@@ -21,9 +21,9 @@ from sounder import Options, calibrate
 from sounder.cir.deembedding import Deembedding
 from sounder.cir.power_spectrum import noise_power
 from sounder.cir.responses import correlator_of
+from sounder.kernels.correlation.reference import as_complex
 from sounder.mpc.score import score, with_snr
 from sounder.processing.position import process_recording
-from sounder.quality.back_to_back import as_complex
 from sounder.recordings.recording import Recording
 
 DRAWS = 10

@@ -20,8 +20,8 @@ import erm
 from erm.common.errors import DataError
 from sounder import Options, calibrate, load_sounder, shipped
 from sounder.instrument.stated import Survey
+from sounder.kernels.correlation.reference import as_complex
 from sounder.processing.position import process_recording
-from sounder.quality.back_to_back import as_complex
 from sounder.quality.calibration import check_back_to_back
 from sounder.recordings.recording import BackToBack, Recording
 from sounder.remark import Remark

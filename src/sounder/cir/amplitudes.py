@@ -1,7 +1,10 @@
 """Histograms of samples: a signal has a tail, a converter or an amplifier that limits it makes a wall."""
 
 import numpy as np
+from numpy.typing import NDArray
 
+from erm.common.significance import FALSE_ALARM
+from sounder.kernels.correlation.reference import as_complex
 from sounder.recordings.recording import Captures
 
 NEAR = 0.01
@@ -9,8 +12,10 @@ NEAR = 0.01
 WALL = 0.02
 """Share of samples close to the largest amplitude that makes a wall. Noise, and chips behind a band limit, have at most
 0.6 % there; a limiter at the root mean square has 18 % or more. Chosen between."""
-MIN_LEVELS = 50
-"""Fewest levels between zero and the largest number for a wall to be told from a coarse converter's last step."""
+DELAYS = 8
+"""Fractions of a sample at which a capture is looked at for the wall that the sequence makes by itself."""
+LAST_VALUES = 8
+"""Values next to the last one with which its frequency is compared. Chosen; not derived."""
 LARGEST = float(np.finfo(np.float32).max) ** 0.25
 """Largest sample: the square of its power is a number in single precision. Twice the full scale of 32 bits."""
 
@@ -26,12 +31,12 @@ def within_range(captures: Captures) -> bool:
     return captures.dtype.kind == "i" or bool((np.abs(captures) < LARGEST).all())
 
 
-def amplitude_wall(capture: Captures) -> float:
+def amplitude_wall(capture: Captures | NDArray[np.complex128]) -> float:
     """Share of the samples whose amplitude is close to the largest.
 
     Parameters
     ----------
-    capture : array int16 (sample, iq) or complex64 (sample,)
+    capture : array int16 (sample, iq) or complex (sample,)
 
     Examples
     --------
@@ -40,33 +45,63 @@ def amplitude_wall(capture: Captures) -> float:
     >>> amplitude_wall(noise) < WALL < amplitude_wall(noise / np.maximum(np.abs(noise), 1.4))
     True
     """
-    parts = _parts(capture)
-    return _near_largest(np.hypot(parts[0], parts[1]))
+    amplitude = np.abs(as_complex(capture))
+    largest = amplitude.max()
+    return float(np.mean(amplitude >= (1 - NEAR) * largest)) if largest > 0 else 0.0
 
 
-def component_wall(capture: Captures) -> float:
-    """Share of the numbers I, or of Q, that are close to their largest; the larger share of the two.
+def wall_of_sequence(captures: Captures | NDArray[np.complex128]) -> float:
+    """Largest wall that the transmitted sequence makes by itself, at any delay.
 
-    It is 0 for a coarse converter, which has fewer than `MIN_LEVELS` levels up to the largest number.
+    Chips that are shorter than the instrument's response have a tail of amplitudes. Rectangular ones have plateaus, and
+    how many samples lie on them depends on the fraction of a sample by which the path is late.
 
     Parameters
     ----------
-    capture : array int16 (sample, iq) or complex64 (sample,)
+    captures : array int16 (snapshot, sample, iq) or complex (snapshot, sample)
+        Captures of one strong path: a back-to-back.
+
+    Returns
+    -------
+    float
+        Largest `amplitude_wall` of their mean, delayed by `DELAYS` fractions of a sample.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> chips = np.sign(rng.normal(size=511)).repeat(2)
+    >>> limited = np.fft.ifft(np.fft.fft(chips) * (np.abs(np.fft.fftfreq(1022)) < 0.25))
+    >>> wall_of_sequence(limited[None]) < 0.01, wall_of_sequence(chips[None] + 0j)
+    (True, 1.0)
     """
-    parts = _parts(capture)
-    share = max(_near_largest(part) for part in parts)
-    if share > WALL and max(np.unique(part).size for part in parts) < MIN_LEVELS:
-        return 0.0
-    return share
+    spectrum = np.fft.fft(as_complex(captures).mean(axis=0))
+    turn = -2j * np.pi * np.fft.fftfreq(spectrum.size)
+    return max(amplitude_wall(np.fft.ifft(spectrum * np.exp(turn * k / DELAYS))) for k in range(DELAYS))
 
 
-def _parts(capture: Captures) -> np.ndarray:
-    """Magnitudes of I and Q (2, sample)."""
-    if capture.dtype.kind == "c":
-        return np.abs(np.stack([capture.real, capture.imag]))
-    return np.abs(capture.T.astype(np.float32))
+def rail(captures: Captures, tests: int) -> tuple[float, float]:
+    """Share of the numbers at the ends of the range that they take, and the bound on it [1].
 
+    The histogram of samples has tails. With a density that falls toward the end, each of the ``k`` values next to the
+    last is at least as frequent as the last; of the ``n`` samples at these ``k + 1`` values the last has at most a
+    share of ``1 / (k + 1)``. A converter or a conversion that limits piles samples up on the last one.
 
-def _near_largest(amplitude: np.ndarray) -> float:
-    largest = amplitude.max()
-    return float(np.mean(amplitude >= (1 - NEAR) * largest)) if largest > 0 else 0.0
+    Parameters
+    ----------
+    captures : array int16 (..., sample, iq) or complex (..., sample)
+    tests : int
+        Tests that share `FALSE_ALARM`.
+    """
+    from scipy.special import bdtrik
+
+    numbers = captures.reshape(-1) if captures.dtype.kind != "c" else captures.view(captures.real.dtype).reshape(-1)
+    values, counts = np.unique(numbers, return_counts=True)
+    if values.size < 2 * LAST_VALUES:
+        return 0.0, 1.0
+    worst, least = 0, 0.0
+    for end in (counts[: LAST_VALUES + 1], counts[: -LAST_VALUES - 2 : -1]):
+        others = int(end.sum()) - 1  # the last value was met at least once
+        allowed = 1 + float(np.ceil(bdtrik(1 - FALSE_ALARM / tests / 2, others, 1 / (LAST_VALUES + 1))))
+        if end[0] > allowed and end[0] > worst:
+            worst, least = int(end[0]), allowed
+    return (worst / numbers.size, least / numbers.size) if worst else (0.0, 1.0)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from sounder.cir.amplitudes import amplitude_wall
+from sounder.cir.amplitudes import wall_of_sequence
 from sounder.cir.matched_filter import MatchedFilter
 from sounder.cir.power_spectrum import noise_power
 from sounder.cir.responses import noise_density, reference_spectrum
@@ -59,8 +59,8 @@ class Deembedding:
         Noise that a path of power 1 brings along in one snapshot, and receiver noise, in the back-to-back [1]. A path
         raises the noise floor by no more than this.
     wall : float
-        Share of the samples of the back-to-back that are close to the largest amplitude [1]; see
-        `sounder.cir.amplitudes.amplitude_wall`.
+        Share of the samples close to the largest amplitude that the sequence makes by itself [1]; see
+        `sounder.cir.amplitudes.wall_of_sequence`.
     measures_dc : bool
         Whether the bin at the carrier is measured, as in transfer functions.
     """
@@ -172,7 +172,7 @@ def make_deembedding(b2b: BackToBack, mean_correlation: Complex, sounder: Sounde
         noise=noise / noise.mean(),
         sample_rate=waveform.sample_rate,
         self_noise=_self_noise(mean_correlation) * len(b2b.captures),
-        wall=amplitude_wall(b2b.captures[0]) if b2b.kind == "iq" else 0.0,
+        wall=wall_of_sequence(b2b.captures) if b2b.kind == "iq" else 0.0,
         measures_dc=measures_dc,
     )
 

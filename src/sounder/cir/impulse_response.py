@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from erm.common.errors import DataError
-from sounder.cir.amplitudes import WALL, amplitude_wall, component_wall, within_range
+from sounder.cir.amplitudes import WALL, amplitude_wall, rail, within_range
 from sounder.cir.deembedding import Deembedding, make_deembedding
 from sounder.cir.phase_alignment import AlignedMean, align_snapshots, average_on_line, common_offsets
 from sounder.cir.power_average import PowerAverage
@@ -224,8 +224,10 @@ class _Blocks:
 
     def __init__(self, recording: Recording, azimuth: int, elevation: int, wall: float = 0.0) -> None:
         self._recording = recording
-        self._bound = max(WALL, 4 * wall)
-        self._walls = 0.0, 0.0
+        self._bound = max(WALL, 2 * wall)
+        self._wall = 0.0
+        self._rail = 0.0, 1.0
+        self._directions = int(np.count_nonzero(recording.valid))
         self._place = (azimuth, elevation)
         self.snapshots, self.source = recording.snapshots, recording.source
         self._step = max(BLOCK_BYTES // (4 * recording.sounder.waveform.samples), 1)
@@ -248,7 +250,7 @@ class _Blocks:
                 if not within_range(captures):
                     self._finite, captures = False, np.full_like(captures, np.nan)
             if first == 0 and self._recording.kind == "iq":
-                self._walls = component_wall(captures[0]), amplitude_wall(captures[0])
+                self._rail, self._wall = rail(captures[0], self._directions), amplitude_wall(captures[0])
             yield captures
 
     @property
@@ -260,9 +262,11 @@ class _Blocks:
             return Remark(Code.ALL_ZERO)
         if self._clipped > CLIPPED_SHARE * self._numbers:
             return Remark(Code.CLIPPED, figure=self._clipped / self._numbers, bound=CLIPPED_SHARE)
-        if max(self._walls) > self._bound:
-            code = Code.CLIPPED if self._walls[0] > self._walls[1] else Code.COMPRESSED
-            return Remark(code, figure=max(self._walls), bound=self._bound)
+        share, most = self._rail
+        if share > most:
+            return Remark(Code.CLIPPED, figure=share, bound=most)
+        if self._wall > self._bound:
+            return Remark(Code.COMPRESSED, figure=self._wall, bound=self._bound)
         return None
 
 

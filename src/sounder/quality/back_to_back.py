@@ -10,6 +10,7 @@ from sounder.cir.deembedding import band_window
 from sounder.instrument.description import Sounder
 from sounder.instrument.touchstone import transmission
 from sounder.instrument.waveform import held_template
+from sounder.kernels.correlation.reference import as_complex
 from sounder.recordings.recording import BackToBack, Captures
 
 TESTS = 3
@@ -86,13 +87,6 @@ class Response:
         return self.centred[self.before + self.reach :]
 
 
-def as_complex(captures: Captures) -> Complex:
-    """Captures as complex numbers (snapshot, sample)."""
-    if captures.dtype.kind == "c":
-        return np.asarray(captures, complex)
-    return np.asarray(captures[..., 0] + 1j * captures[..., 1], complex)
-
-
 def slipped_snapshots(response: Response) -> list[tuple[int, int]]:
     """Snapshots that start at another sample than most.
 
@@ -161,32 +155,6 @@ def reflection_level(response: Response) -> tuple[float, float]:
         return -np.inf, 0.0
     best = rising[np.argmax(power[rising])]
     return _db(power[best] / power[0]), float(best)
-
-
-def wall(captures: Captures) -> tuple[float, float]:
-    """Share of the numbers at the ends of the range that they take, and the bound on it [1].
-
-    The histogram of samples has tails. With a density that falls toward the end, each of the ``k`` values next to the
-    last is at least as frequent as the last; of the ``n`` samples at these ``k + 1`` values the last has at most a
-    share of ``1 / (k + 1)``. A converter or a conversion that limits piles samples up on the last one.
-    """
-    from scipy.special import bdtrik
-
-    numbers = captures.reshape(-1) if captures.dtype.kind != "c" else captures.view(captures.real.dtype).reshape(-1)
-    values, counts = np.unique(numbers, return_counts=True)
-    if values.size < 2 * WALL_VALUES:
-        return 0.0, 1.0
-    worst, least = 0, 0.0
-    for end in (counts[: WALL_VALUES + 1], counts[: -WALL_VALUES - 2 : -1]):
-        others = int(end.sum()) - 1  # the last value was met at least once
-        allowed = 1 + float(np.ceil(bdtrik(1 - FALSE_ALARM / TESTS / 2, others, 1 / (WALL_VALUES + 1))))
-        if end[0] > allowed and end[0] > worst:
-            worst, least = int(end[0]), allowed
-    return (worst / numbers.size, least / numbers.size) if worst else (0.0, 1.0)
-
-
-WALL_VALUES = 8
-"""Values next to the last one with which its frequency is compared. Chosen; not derived."""
 
 
 def level_error(b2b: BackToBack, sounder: Sounder, response: Response) -> float | None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sounder.cir.amplitudes import within_range
+from sounder.cir.amplitudes import rail, within_range
 from sounder.instrument.description import Sounder
 from sounder.quality import back_to_back as check
 from sounder.quality.line_of_sight import SIGMAS
@@ -76,7 +76,7 @@ def check_back_to_back(b2b: BackToBack, sounder: Sounder, *, trust_all: bool = F
 
 def _linearity(b2b: BackToBack, sounder: Sounder, response: check.Response) -> list[Remark]:
     """Samples at a limit, products of compression, other paths."""
-    share, most = check.wall(b2b.captures)
+    share, most = rail(b2b.captures, check.TESTS)
     if share > most:
         detail = f"{100 * share:.2g} % of the back-to-back samples have one and the same largest value"
         return [Remark(Code.BACK_TO_BACK_LIMITED, figure=share, bound=most, detail=detail)]

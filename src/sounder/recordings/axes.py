@@ -151,15 +151,16 @@ def _lengths_of_row(
 ) -> dict[str, int]:
     """Lengths of the axes of samples in one row: those known, and one that follows from the number of samples."""
     who = f"{file.path}: {block.dataset}"
-    shape = shape if len(shape) == 1 or 1 not in shape[:2] else shape[1:] if shape[0] == 1 else (shape[0], *shape[2:])
-    if len(shape) != 1 + ("iq" in block.axes):
-        raise DataError(f"{who} has shape {shape}; with flat = true expected one row of samples")
+    total = prod(shape) - block.start
+    if "iq" in block.axes:
+        if len(shape) < 2 or shape[-1] != 2:
+            raise DataError(f"{who} has shape {shape}; expected I and Q along the last axis, as the layout names iq")
+        total = prod(shape[:-1]) - block.start
     axes = [axis for axis in block.axes if axis != "iq"]
     found = {str(axis): known[axis] for axis in axes if axis in known}
     if "sample" not in found:
         raise DataError(f"{who}: flat = true needs the number of samples of a capture; describe the waveform")
     each = prod(found.values()) // found["sample"] * (block.stride or found["sample"])
-    total = shape[0] - block.start
     if len(unknown := [str(axis) for axis in axes if axis not in found]) > 1:
         raise DataError(
             f"{who}: flat = true, and the lengths of {' and '.join(unknown)} are not known; name one of them"
@@ -182,7 +183,8 @@ def node_of(file: ForeignFile, block: Samples, name: str, shape: Mapping[str, in
     if not block.flat:
         apart = [tuple(shape[axis] for axis in group) for group in together(block)]
         return node if len(apart) == len(shape) else Apart(node, tuple(apart))
-    row = np.asarray(node[()]).squeeze() if node.ndim > 1 + ("iq" in block.axes) else node
+    shape_of_iq = (2,) if "iq" in block.axes else ()
+    row = np.asarray(node[()]).reshape(-1, *shape_of_iq) if node.ndim > 1 + len(shape_of_iq) else node
     full = [length for axis, length in shape.items() if axis != "iq"]
     return Rows(row, tuple(full), block.start, block.stride or full[-1])
 

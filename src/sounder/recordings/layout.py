@@ -70,8 +70,9 @@ class Samples(Table):
     ``"elevation * azimuth"``, or the other way round if ``slowest`` is azimuth. ``along`` is how many of the axes lie
     along each of the dataset; it follows from ``axes``.
 
-    With ``flat``, ``dataset`` holds all samples in one row, and only ``iq`` may be an axis of its own. The first
-    capture begins at the sample ``start``, and captures are ``stride`` samples apart, by default their own length.
+    With ``flat``, ``dataset`` holds all samples one behind another, as in one row, whatever its shape; only ``iq`` is
+    an axis of its own. The first capture begins at the sample ``start``, and captures are ``stride`` samples apart, by
+    default their own length.
     """
 
     dataset: str

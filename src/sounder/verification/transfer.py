@@ -10,7 +10,8 @@ from sounder.cir.deembedding import Deembedding
 from sounder.instrument.description import Sounder
 from sounder.instrument.touchstone import transmission
 from sounder.instrument.waveform import held_template
-from sounder.quality.back_to_back import Response, as_complex
+from sounder.kernels.correlation.reference import as_complex
+from sounder.quality.back_to_back import Response
 from sounder.recordings.recording import BackToBack
 
 Real = NDArray[np.float64]

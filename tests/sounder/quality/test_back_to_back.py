@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sounder.cir.amplitudes import rail
 from sounder.instrument.stated import Connection
+from sounder.kernels.correlation.reference import as_complex
 from sounder.quality import back_to_back as check
 from sounder.quality.calibration import check_back_to_back
 from sounder.remark import Code
@@ -24,7 +26,7 @@ def integers(samples) -> np.ndarray:
 
 
 def compressed(captures) -> np.ndarray:
-    samples = check.as_complex(captures)
+    samples = as_complex(captures)
     level = np.sqrt(np.mean(np.abs(samples) ** 2))
     return integers(level * np.tanh(np.abs(samples) / level) * np.exp(1j * np.angle(samples)))
 
@@ -41,7 +43,7 @@ def slipped(captures) -> np.ndarray:
 
 
 def echoed(captures) -> np.ndarray:
-    samples = check.as_complex(captures)
+    samples = as_complex(captures)
     return integers(samples + 0.01 * np.roll(samples, 400, axis=1))
 
 
@@ -69,13 +71,13 @@ def test_damage_of_the_samples_is_told(change: Callable, code: Code, seed: int) 
 def test_walls_are_seen_in_every_data_type(kind) -> None:
     captures = connected().captures
     if kind is np.complex64:
-        captures = (check.as_complex(captures) * 1.7e-5).astype(np.complex64)
-    share, bound = check.wall(captures)
+        captures = (as_complex(captures) * 1.7e-5).astype(np.complex64)
+    share, bound = rail(captures, check.TESTS)
     assert share < bound
     parts = captures.view(np.float32) if kind is np.complex64 else captures
     most = np.quantile(np.abs(parts), 0.99)
     cut = np.clip(parts, -most, most)
-    share, bound = check.wall(cut.view(np.complex64) if kind is np.complex64 else cut)
+    share, bound = rail(cut.view(np.complex64) if kind is np.complex64 else cut, check.TESTS)
     assert bound < share < 0.02  # 1 % of the numbers are at the two ends
 
 

@@ -183,6 +183,26 @@ def test_a_row_of_samples_is_cut_into_captures(folder):
     assert "has 10761 samples; expected a multiple of 3048, by the layout" in failures[0]
 
 
+def test_bursts_in_longer_captures(folder):
+    """Each capture of the file is 300 samples long; the sequence begins at its sample 7."""
+    longer = np.zeros((4, 3, 3, 300, 2), np.int16)
+    longer[:, :, :, 7 : 7 + SAMPLES] = IQ[0]
+    with h5py.File(folder / "day1_P1.h5", "w") as file:
+        file["raw"] = longer
+        file.attrs["carrier"] = 28e9
+    (folder / "layout.toml").write_text(LAYOUT.replace('"raw"', '"raw"\nflat = true\nstart = 7\nstride = 300'))
+    how = {"calibration": folder / "b2b.h5", "positions": folder / "positions.csv", "layout": folder / "layout.toml"}
+    [job], failures = gather([folder / "day1_P1.h5"], **how)
+    assert failures == []
+    for a, e in np.ndindex(4, 3):
+        assert np.array_equal(job.recording.captures(a, e), IQ[0, a, e])
+    with h5py.File(folder / "day1_P2.h5", "w") as file:
+        file["raw"] = longer[..., 0] + 1j * longer[..., 1]
+        file.attrs["carrier"] = 28e9
+    _, failures = gather([folder / "day1_P2.h5"], **how)
+    assert "expected I and Q along the last axis, as the layout names iq" in failures[0]
+
+
 def test_a_folder_of_touchstone_files_is_a_position(folder, tmp_path):
     sweep = folder / "P1"
     sweep.mkdir()
