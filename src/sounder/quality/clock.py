@@ -55,13 +55,15 @@ def lost_samples(delays: Delays, order: Integers) -> tuple[int, int]:
     grid = np.arange(-2 * WINDOW * STEPS, 2 * WINDOW * STEPS + 1)
     later = np.clip(grid + grid[-1] + STEPS * shifts[:, None], 0, grid.size - 1)
     gain, most = np.zeros((shifts.size, order.size + 1), np.int64), np.zeros(order.size + 1, np.int64)
-    for path in np.unique(delays.path):
-        own = np.flatnonzero(delays.path == path)
-        own = own[np.argsort(number[own])]
-        agree = np.abs(delays.delay[own, None] - grid / STEPS) < ALIKE
+    together = [np.abs(delays.delay[delays.path == p, None] - grid / STEPS) < ALIKE for p in np.unique(delays.path)]
+    if sum(len(agree) - agree.sum(axis=0).max() for agree in together) <= LEAST_GAIN:
+        return 0, 0  # more can not be gained than do not agree
+    for path, unordered in zip(np.unique(delays.path), together, strict=True):
+        own = number[delays.path == path]
+        agree = unordered[np.argsort(own)]
         early = np.vstack([np.zeros_like(grid), np.cumsum(agree, axis=0)])
         late = early[-1] - early
-        before = np.searchsorted(number[own], np.arange(order.size + 1))
+        before = np.searchsorted(np.sort(own), np.arange(order.size + 1))
         without = early[-1].max()
         gain += (np.max(early[:, None, :] + late[:, later], axis=-1) - without)[before].T
         most += (early.max(axis=-1) + late.max(axis=-1) - without)[before]

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from erm.common.significance import CERTAIN
 from sounder.cir.deembedding import Deembedding
@@ -143,9 +144,9 @@ def _sharpness(correlation: Complex, deembedding: Deembedding) -> Real:
     spectra = np.fft.fft(correlation) * deembedding.transfer
     spectra[:, 0] = (spectra[:, 1] + spectra[:, -1]) / 2
     half = spectra.shape[1] // 2
-    padded = np.zeros((len(spectra), spectra.shape[1] * OVERSAMPLING), complex)
+    padded = np.zeros((len(spectra), fft.next_fast_len(spectra.shape[1] * OVERSAMPLING)), np.complex64)
     padded[:, :half], padded[:, -half:] = spectra[:, :half], spectra[:, -half:]
-    power = np.abs(np.fft.ifft(padded)) ** 2
+    power = np.abs(fft.ifft(padded)) ** 2
     about = np.argmax(power, axis=1)[:, None] + np.arange(-REACH * OVERSAMPLING, REACH * OVERSAMPLING + 1)
     near = np.take_along_axis(power, about % power.shape[1], axis=1)
     return np.asarray(np.log(np.sum(near**2, axis=1) / np.sum(near, axis=1) ** 2))
