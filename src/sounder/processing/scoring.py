@@ -9,7 +9,7 @@ import xarray as xr
 from erm.common.errors import DataError
 from erm.common.gate.nesting import parse_json
 from erm.common.storage import open_group, require_axes
-from erm.mpcs.files import read_csv, read_product
+from erm.mpcs.files import LARGEST_STD, read_csv, read_product
 from sounder.instrument.description import Sounder
 from sounder.mpc.score import Gates, Score, score, with_snr
 
@@ -113,6 +113,13 @@ def read_truth(path: Path) -> tuple[xr.Dataset, list[str]]:
     require_axes(table, path, dict.fromkeys(names[1:], ("path",)))
     if table["position"].dims != ("path",):
         raise DataError(f"{path}: position is not the name of each path; expected {TRUTH}")
+    for name in names[1:]:
+        values, most = table[name].values, 2 * LARGEST_STD[f"{name}_std"]
+        beyond = values[
+            (values > most) | ((values < -most) & (name != "path_gain"))
+        ]  # a path may have no gain: -inf dB
+        if beyond.size:
+            raise DataError(f"{path}: {name} is {beyond[0]:g}; expected {-most:g} to {most:g}")
     return table, problems
 
 

@@ -4,11 +4,14 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 from PIL import Image
 
-from erm.common.storage import open_group
+from erm.common.errors import DataError
+from erm.common.storage import open_group, write_product
 from erm.mpcs.files import read_product, write_mpcs
 from erm.mpcs.table import make_table
+from sounder.processing.scoring import read_truth
 
 from .commands import run
 
@@ -100,3 +103,16 @@ def test_gates_that_let_nothing_through_are_wrong_usage(campaign, processed, cap
     assert run("score", processed[0], "--truth", campaign / "truth" / "paths.h5", *wrong) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"is {wrong[1]}" in line
+
+
+def test_truth_beyond_all_measure_is_refused_by_name(tmp_path):
+    names = ("delay", "azimuth", "elevation", "path_gain")
+    paths = {"position": ("path", ["RX1"])} | {
+        name: ("path", [-np.inf if name == "path_gain" else 0.0]) for name in names
+    }
+    for name in names:
+        write_product({"/": xr.Dataset(paths | {name: ("path", [np.inf])})}, tmp_path / "t.h5")
+        with pytest.raises(DataError, match=rf"t\.h5: {name} is inf; expected -"):
+            read_truth(tmp_path / "t.h5")
+    write_product({"/": xr.Dataset(paths)}, tmp_path / "t.h5")
+    assert read_truth(tmp_path / "t.h5")[0].sizes["path"] == 1
