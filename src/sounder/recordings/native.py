@@ -12,7 +12,7 @@ from erm.common.gate.nesting import parse_json
 from erm.common.integrity import require_members
 from sounder.instrument.description import Sounder
 from sounder.recordings import direct
-from sounder.recordings.recording import BackToBack, Captures, Recording, check
+from sounder.recordings.recording import MAX_AGC_GAIN, BackToBack, Captures, Recording, check
 
 RECORDING = "sounder-to-map recording"
 BACK_TO_BACK = "sounder-to-map back-to-back"
@@ -200,6 +200,8 @@ def _attenuator(file: Group, path: Path) -> tuple[NDArray[np.float64], NDArray[n
     frequency, s21 = _ascending(file, path, "attenuator_frequency"), file.dataset("attenuator_s21").numbers()
     if s21.shape != (frequency.size, 2):
         raise DataError(f"{path}: attenuator_s21 has shape {s21.shape}; expected ({frequency.size}, 2)")
+    if not (np.abs(s21) <= 10 ** (MAX_AGC_GAIN / 20)).all():
+        raise DataError(f"{path}: attenuator_s21 is NaN or has a gain beyond {MAX_AGC_GAIN:g} dB; measure it again")
     return frequency, s21 @ [1, 1j]
 
 

@@ -34,6 +34,7 @@ def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
         ({"attenuator_frequency": None}, "the file has no attenuator_frequency"),
         ({"attenuator_frequency": [1.0, 3.0, 2.0, 4.0, 5.0]}, "attenuator_frequency is not in ascending order"),
         ({"attenuator_s21": np.ones(5)}, "attenuator_s21 has shape (5,); expected (5, 2)"),
+        ({"attenuator_s21": np.full((5, 2), np.inf)}, "attenuator_s21 is NaN or has a gain beyond 200 dB"),
     ],
 )
 def test_a_back_to_back_that_does_not_fit_is_reported(tmp_path, sounder, datasets, expected):
