@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from erm.common.constants import c
+from erm.common.odds import TWENTY_TO_ONE
 from erm.maps.environment import Environment
 from erm.mpcs.ground import is_ground_companion
 from erm.mpcs.reasons import Reason
@@ -25,6 +26,7 @@ from erm.reconstruction.decision.decide import Decision, KnownCurved, decide_wal
 from erm.reconstruction.decision.pieces import Links
 from erm.reconstruction.delay_wraps import add_wrapped_paths, with_wrapped_delays
 from erm.reconstruction.model.extent import Legs
+from erm.reconstruction.model.line import seed_lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
@@ -224,12 +226,19 @@ def _may_be_off_poles(table: "xr.Dataset", explained: IntArray) -> BoolArray:
 
 
 def _minor_walls(table: "xr.Dataset", paths: Paths, groups: list[Group]) -> list[Wall]:
-    """Lines that two links share: too few for a wall, enough to explain a chain of reflections."""
+    """Lines that one or two links saw: too few for a wall, enough to explain a chain of reflections.
+
+    Of a path that no other shares, the line is that of its length and azimuth, if it is hardly there by chance.
+    """
     free = table["accepted"].values[paths.row]
     for group in groups:
         free[group.inliers] = False
     rest = paths.take(free)
-    return [Wall(rest, group.line, group.inliers) for group in find_groups(rest, 2, least_evidence=-np.inf)]
+    pairs = [Wall(rest, group.line, group.inliers) for group in find_groups(rest, 2, least_evidence=-np.inf)]
+    alone = log_odds_at_best(rest) > TWENTY_TO_ONE
+    alone[concatenate_rows(wall.inliers for wall in pairs)] = False
+    lines = seed_lines(rest)
+    return pairs + [Wall(rest, lines.line(row), np.array([row])) for row in np.flatnonzero(alone).tolist()]
 
 
 def lines_of_sight(table: "xr.Dataset") -> Legs:

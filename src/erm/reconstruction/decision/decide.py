@@ -17,7 +17,13 @@ from erm.mpcs.standard_errors import SIGMAS
 from erm.reconstruction.decision.conflicts import Conflicts
 from erm.reconstruction.decision.corners import corner_pairs
 from erm.reconstruction.decision.duplicates import merge_duplicates
-from erm.reconstruction.decision.multi_bounce import MAX_MIRROR_ERROR, hidden_wall_pairs, is_multi_bounce, mirror_of
+from erm.reconstruction.decision.multi_bounce import (
+    MAX_MIRROR_ERROR,
+    hidden_wall_pairs,
+    image_spread,
+    is_multi_bounce,
+    mirror_of,
+)
 from erm.reconstruction.decision.pieces import Links, cut_walls, plan_lines
 from erm.reconstruction.model.extent import MAX_TESTED_PATHS, STRAY_SHARE, Legs, Piece, legs_of
 from erm.reconstruction.model.line import Line
@@ -166,13 +172,15 @@ class Candidates:
         """Log odds of a candidate alone to be a wall and not a chain.
 
         A chain of reflections loses more than a wall. It is received in fewer places and over a smaller range of
-        angles, for it must meet all of its walls, and it arrives after the paths off these walls.
+        angles, for it must meet all of its walls, and it arrives after the paths off these walls. What loses less than
+        the walls of the scene is no more a wall than these: its gains are wrong, as those of a path from below the
+        fan that is taken to be off a vertical face.
         """
         # the log odds of two Gaussians of equal width fall by this factor if an error widens both
         factor = EXCESS_LOSS_SCATTER**2 / (EXCESS_LOSS_SCATTER**2 + self._loss_error[wall] ** 2)
         return (
             INTERCEPT
-            + PER_DECIBEL * (NEUTRAL_EXCESS_LOSS + factor * (self._excess[wall] - NEUTRAL_EXCESS_LOSS))
+            + PER_DECIBEL * (NEUTRAL_EXCESS_LOSS + factor * (max(self._excess[wall], 0.0) - NEUTRAL_EXCESS_LOSS))
             + PER_DEGREE * min(self._angle_range[wall], MAX_ANGLE_RANGE)
             + PER_DOUBLED_ARRIVAL * self._arrival[wall]
         )
@@ -239,11 +247,8 @@ def _openings_of_curved(wall: Wall, curved: shapely.STRtree) -> int:
 
 
 def _is_certain(wall: Wall) -> bool:
-    """Whether offset and image of a line are known to `MAX_MIRROR_ERROR`."""
-    distance = abs(float(wall.line.signed_distance(wall.paths.tx[0])))
-    of_offset = np.sqrt(wall.line.covariance[1, 1])
-    of_normal = float(np.deg2rad(np.sqrt(wall.line.covariance[0, 0]))) * 2 * distance
-    return bool(of_offset < MAX_MIRROR_ERROR and of_normal < MAX_MIRROR_ERROR)
+    """Whether the image of the transmitter in a line is known to `MAX_MIRROR_ERROR`."""
+    return image_spread(wall.line, wall.paths.tx[0, :2]) < MAX_MIRROR_ERROR
 
 
 def _angle_range(wall: Wall) -> float:

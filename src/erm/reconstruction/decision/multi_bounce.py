@@ -34,7 +34,7 @@ other angles. Chosen; not derived."""
 MAX_MIRRORS, MAX_MIRRORS_OF_TRIPLE = 64, 32
 """Nearest walls that a chain of two, and of three, is composed of. Chosen; not derived."""
 MAX_MIRROR_ERROR = 0.3
-"""Uncertainty of images up to which lines are mirrors of chains [m]: the faces of a facade are as far apart as its
+"""Uncertainty of images up to which lines are mirrors and these are chains [m]: the faces of a facade are as far apart as its
 reveals and bays are deep, and a less certain chain agrees with paths off any of them. Chosen; not derived."""
 FACADE_ROUGHNESS = 2e-3
 """Deviation of a facade from a plane [m]. Chosen; not derived."""
@@ -136,13 +136,20 @@ def _chains(
         apart = image - place
         total = covariance + of_chain + FACADE_ROUGHNESS**2 * np.eye(2)
         chi2 = np.einsum("np,npq,nq->n", apart, np.linalg.inv(total), apart)
-        found += [tuple(one) for one in chain[chi2 < CHI_SQUARED_GATE].tolist()]
+        certain = np.trace(of_chain, axis1=1, axis2=2) < MAX_MIRROR_ERROR**2
+        found += [tuple(one) for one in chain[certain & (chi2 < CHI_SQUARED_GATE)].tolist()]
     return found
 
 
 def _image_slope(line: Line, point: FloatArray) -> FloatArray:
     """Slopes (2, 2) of a point's image by (normal [degree], offset [m])."""
     return image_slopes(np.array([line.normal]), np.array([line.offset]), (point - line.pivot)[None])[0]
+
+
+def image_spread(line: Line, point: FloatArray) -> float:
+    """Standard error of the place of a point's image in a line [m]."""
+    slope = _image_slope(line, point)
+    return float(np.sqrt(np.trace(slope @ line.covariance @ slope.T)))
 
 
 def _explains(chain: Sequence[Mirror], paths: Paths) -> BoolArray:
@@ -197,8 +204,7 @@ def _hidden_wall_pairs_of(walls: Sequence[Wall], tx: FloatArray) -> list[tuple[i
     """`hidden_wall_pairs` of candidates of one transmitter (2,)."""
     lines = [wall.line for wall in walls]
     image = np.array([mirror_images(line, tx) for line in lines])
-    slopes = [_image_slope(line, tx) for line in lines]
-    spread = np.array([np.sqrt(np.trace(s @ line.covariance @ s.T)) for s, line in zip(slopes, lines, strict=True)])
+    spread = np.array([image_spread(line, tx) for line in lines])
     loss = np.array([median_loss(wall) for wall in walls])
     support = np.array([wall.support for wall in walls])
     tree = cKDTree(image)
