@@ -1,12 +1,16 @@
 """Chains of reflections share an image as paths off a wall do, and are rejected."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from erm.mpcs.reasons import Reason
 from erm.mpcs.selection import select
 from erm.reconstruction.decision.chains import ChainSearch
+from erm.reconstruction.decision.decide import Candidates, KnownCurved
 from erm.reconstruction.decision.multi_bounce import is_multi_bounce, mirror_of
+from erm.reconstruction.model.extent import Legs
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import Lines, seed_line
 from erm.reconstruction.model.wall import Wall
@@ -31,6 +35,39 @@ def test_a_double_reflection_is_found_by_the_image_of_the_image():
     assert not is_multi_bounce(wall_of(both, loss=12.0), mirrors[:1])
     assert not is_multi_bounce(wall_of(both, loss=1.0), mirrors)  # a double reflection loses what both walls lose
     assert not is_multi_bounce(wall_of(bounces(tx, rx, WALLS[1]), loss=12.0), mirrors)
+
+
+@pytest.mark.parametrize(("normal_std", "explained"), [(0.01, True), (2.0, False)])
+def test_a_chain_off_walls_that_are_known_badly_hides_no_wall(normal_std, explained):
+    # 40 m away the image moves by 2.8 m for a normal that is 2 degrees off: it meets any wall
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    first, last = (wall_of(bounces(tx, rx, WALLS[i])) for i in (0, 2))
+    unsure = replace(last, line=last.line._replace(covariance=np.diag([normal_std, 0.01]) ** 2))
+    mirrors = [mirror_of(wall, 60.0) for wall in (first, unsure)]
+    assert is_multi_bounce(wall_of(bounces(tx, rx, WALLS[0], WALLS[2]), loss=12.0), mirrors) == explained
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seen", "walls"), [((1, 1), 0), ((0, 1), 1)])
+def test_walls_that_single_links_saw_explain_a_chain(seen, walls):
+    # where nothing but a double reflection is shared its image would be the only wall of the map
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    parts = [bounces(tx, rx, WALLS[0], WALLS[2], loss=10.0)]
+    parts += [bounces(tx[i : i + n], rx[i : i + n], WALLS[w]) for n, i, w in zip(seen, (2, 7), (0, 2), strict=True)]
+    environment, _ = reconstruct(select(joined(parts, 2e-11, 0.1)))
+    assert environment.reflectors.sizes["reflector"] == walls
+
+
+def test_paths_that_lose_less_than_the_scene_are_no_likelier_off_a_wall():
+    rx = route()
+    tx = np.tile(TX[0], (len(rx), 1))
+    usual, strong = wall_of(bounces(tx, rx, WALLS[0]), loss=8.0), wall_of(bounces(tx[:4], rx[:4], WALLS[1]), loss=-8.0)
+    none = KnownCurved(np.array([]), lambda paths, lines: np.zeros(len(paths), dtype=bool))
+    alike = replace(strong, all_paths=replace(strong.all_paths, loss=usual.paths.loss[:4]))
+    one, other = (Candidates([usual, wall], [], Legs(*np.empty((2, 0, 3))), 15.0, none) for wall in (strong, alike))
+    assert one.log_odds(1) <= other.log_odds(1) + 0.5
 
 
 @pytest.mark.parametrize(("offset_std", "some"), [(0.01, True), (0.4, False)])
