@@ -34,8 +34,8 @@ other angles. Chosen; not derived."""
 MAX_MIRRORS, MAX_MIRRORS_OF_TRIPLE = 64, 32
 """Nearest walls that a chain of two, and of three, is composed of. Chosen; not derived."""
 MAX_MIRROR_ERROR = 0.3
-"""Uncertainty of images up to which lines are mirrors and these are chains [m]: the faces of a facade are as far apart as its
-reveals and bays are deep, and a less certain chain agrees with paths off any of them. Chosen; not derived."""
+"""Uncertainty of images up to which lines are mirrors, and mirrors are chains [m]: the faces of a facade are as far
+apart as its reveals and bays are deep, and a less certain chain agrees with paths off any. Chosen; not derived."""
 FACADE_ROUGHNESS = 2e-3
 """Deviation of a facade from a plane [m]. Chosen; not derived."""
 
