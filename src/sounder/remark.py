@@ -299,7 +299,8 @@ def _line(alike: Sequence[Remark], recorded: int) -> str:
     """One kind of remark, with the directions that have it."""
     first = alike[0]
     if not first.of_direction:
-        return f"{first.meaning}{':' if first.code.value.advice else ';'} {first.code.action}"
+        extent = "" if first.detail else _extent(alike)  # the detail has its figures
+        return f"{first.meaning}{extent}{':' if first.code.value.advice else ';'} {first.code.action}"
     directions = list(dict.fromkeys((remark.azimuth, remark.elevation) for remark in alike))
     where = named(directions)
     return (

@@ -129,7 +129,10 @@ def remarks_on_quadrature(evidence: Iterable[list[float]]) -> list[Remark]:
     best = int(total.argmax())
     if total[best] <= CERTAIN:
         return []
-    return [Remark(CHANGES[best].code, figure=float(total[best]), bound=CERTAIN)]
+    code, figure = CHANGES[best].code, float(total[best])
+    tens, asked = np.floor(figure / np.log(10)), np.ceil(CERTAIN / np.log(10))
+    detail = f"{code.text}: the pulses speak for it by 10^{tens:.0f} to 1 (10^{asked:.0f} to 1 is certain)"
+    return [Remark(code, figure=figure, bound=CERTAIN, detail=detail)]
 
 
 def _correlation(responses: Complex, deembedding: Deembedding) -> Complex:

@@ -154,6 +154,11 @@ class BackToBack:
     sequence : Waveform, Periodic or None
         What responses of kind ``cir`` were correlated with, if the sounder is described without it.
 
+    Raises
+    ------
+    DataError
+        ``s21`` is zero or not a number somewhere.
+
     Examples
     --------
     >>> from sounder import shipped
@@ -173,6 +178,18 @@ class BackToBack:
     title: str = "Back-to-back captures"
     kind: Kind = "iq"
     sequence: Waveform | Periodic | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.s21 is None:
+            return
+        frequency, s21 = self.s21
+        bad = ~np.isfinite(s21) | (s21 == 0)
+        if bad.any():
+            raise DataError(
+                f"{self.source}: S21 of the attenuator is zero or not a number at {bad.sum()} of {bad.size} "
+                f"frequencies, first at {frequency[bad][0] / 1e9:.3f} GHz; expected finite numbers other than 0; "
+                "measure the attenuator again"
+            )
 
 
 class PositionError(DataError):

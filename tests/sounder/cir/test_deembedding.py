@@ -233,6 +233,14 @@ def test_empty_back_to_back_is_refused(description, back_to_back_maker):
         make_deembedding(b2b, np.zeros(1022, complex), sounder, 1.0)
 
 
+@pytest.mark.parametrize("wrong", [0.0, np.nan])
+def test_attenuator_without_transmission_is_refused(bench_maker, wrong):
+    frequency, s21 = np.linspace(131e9, 133e9, 11), np.full(11, 1e-3 + 0j)
+    s21[5] = wrong
+    with pytest.raises(DataError, match=r"zero or not a number at 1 of 11 frequencies, first at 132\.000 GHz"):
+        bench_maker(s21=(frequency, s21))
+
+
 def test_attenuator_that_was_not_measured_over_the_band_is_refused(bench_maker):
     frequency = np.linspace(131.9e9, 132.1e9, 11)
     with pytest.raises(
