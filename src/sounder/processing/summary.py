@@ -48,7 +48,7 @@ def describe_file(path: Path, sounder: Path | None = None) -> Lines:
     DataError
         The file is missing or none of these.
     """
-    expected = "a recording or a product; for a MATLAB file describe its layout with --layout"
+    expected = f"a recording or a product; describe a MATLAB file with --layout, plain samples in {path.name}.toml"
     if path.is_file() and not is_hdf5(path) and (content := content_of(path)) is not None:
         return [*_content(content), *_codes(content, sounder)]
     with open_hdf5(path, expected) as file:
