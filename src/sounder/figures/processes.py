@@ -1,4 +1,4 @@
-"""Figures of many products, drawn by as many processes as there are processors.
+"""Figures of many products, drawn by as many processes as there are processors; this one is one of them.
 
 matplotlib takes one processor. Each process is a Python of its own that reads lines of JSON, what to draw, and answers
 each with one. It is no fork, which would inherit the locks of threads, and no child of multiprocessing, which would run
@@ -98,7 +98,7 @@ class Drawing:
         self._idle: SimpleQueue[Popen[bytes]] = SimpleQueue()
 
     def __enter__(self) -> "Drawing":
-        self._threads = ThreadPoolExecutor(processors())
+        self._threads = ThreadPoolExecutor(max(processors() - 1, 1))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -112,8 +112,7 @@ class Drawing:
     def order(self, product: Path) -> None:
         """Have a product drawn."""
         self._orders.append((str(product), self._folder, self._suffix, self._elevations))
-        most = processors() if processors() > 1 else 0
-        if len(self._processes) < min(most, len(self) // PRODUCTS_PER_PROCESS):
+        if len(self._processes) < min(processors() - 1, len(self) // PRODUCTS_PER_PROCESS):
             self._processes.append(confined.start(__name__, json.dumps(asdict(limits.current()))))
             self._idle.put(self._processes[-1])
         if self._processes:
@@ -121,12 +120,21 @@ class Drawing:
             self._drawn += [self._threads.submit(_ask, self._idle, order) for order in waiting]
 
     def results(self) -> Iterator[tuple[list[Path], str]]:
-        """Wait for the files of each product and what failed, in the order of the orders."""
-        for drawn in self._drawn:
-            yield drawn.result()
-        if waiting := self._orders[len(self._drawn) :]:
-            axes = product_axes()
-            yield from (_draw(axes, order) for order in waiting)
+        """Wait for the files of each product and what failed, in the order of the orders.
+
+        Meanwhile this process draws the last of those that are not begun.
+        """
+        axes = product_axes() if self._orders else []
+        mine: dict[int, tuple[list[Path], str]] = {}
+        for index, drawn in enumerate(self._drawn):
+            for later in range(len(self._drawn) - 1, index, -1):
+                if drawn.done():
+                    break
+                if self._drawn[later].cancel() and later not in mine:
+                    mine[later] = _draw(axes, self._orders[later])
+            yield mine[index] if index in mine else drawn.result()
+        for order in self._orders[len(self._drawn) :]:
+            yield _draw(axes, order)
 
 
 def _ask(idle: "SimpleQueue[Popen[bytes]]", order: Order) -> tuple[list[Path], str]:
