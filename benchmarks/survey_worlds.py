@@ -3,8 +3,8 @@
 Worlds and errors are those of `survey.py`. Each row of the output is a world: the walls that at least three positions
 received once reflected, those found within half a metre, the length of the map that is more than a quarter of a metre
 from any wall, the errors of the found walls in their stated standard errors, that of the common clock, and the warnings
-of the map. Errors of the survey: ``nodirect`` has no direct path, ``each`` has errors of each position, ``rx`` only
-those of receivers of half a metre.
+of the map. Errors of the survey: ``nodirect`` has no direct path, ``clock`` neither that nor an error of the heading,
+``each`` has errors of each position, ``rx`` only those of receivers of half a metre.
 """
 
 import argparse
@@ -29,13 +29,15 @@ def drawn(kind: str, row: str, seed: int) -> tuple[erm.Environment, Floats, xr.D
     """A world, its antennas, its table, and the common errors of heading [degree] and clock [s]."""
     rng = np.random.default_rng([31, seed])
     environment, tx, receivers = (room if kind == "room" else street)(rng)
-    table = measured((environment, tx, receivers), rng, row != "nodirect")
+    table = measured((environment, tx, receivers), rng, row not in ("nodirect", "clock"))
     if row == "rx":
         _, link = np.unique(table["position"].values, return_inverse=True)
         moved = table["rx_position"].values.copy()
         moved[:, :2] += 0.5 * rng.standard_normal((link.max() + 1, 2))[link]
         return environment, np.vstack([tx, receivers]), table.assign(rx_position=(("mpc", "xyz"), moved)), 0.0, 0.0
     table, heading, clock = with_errors(table, rng, row == "each")
+    if row == "clock":
+        table, heading = table.assign(azimuth=table["azimuth"] - heading), 0.0
     return environment, np.vstack([tx, receivers]), table, heading, clock
 
 
@@ -86,7 +88,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("worlds", type=int, nargs="?", default=10)
     parser.add_argument("seed", type=int, nargs="?", default=0)
-    parser.add_argument("--row", choices=("nodirect", "each", "rx"), default="nodirect")
+    parser.add_argument("--row", choices=("nodirect", "clock", "each", "rx"), default="nodirect")
     parser.add_argument("--kind", choices=("room", "street"), default="street")
     options = parser.parse_args()
     wanted, offsets, sigmas, false, length = 0, [], [], 0.0, 0.0

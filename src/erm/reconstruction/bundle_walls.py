@@ -62,6 +62,8 @@ class Adjusted(NamedTuple):
     """Rows of the table that were reflected off several walls."""
     positions: PositionErrors
     """Started anew where that explains their paths better."""
+    evidence: float = 0.0
+    """Log-likelihood ratio of chains off the walls to paths from anywhere, if they were asked for the clock; else 0."""
 
 
 def bundle_walls(
@@ -103,6 +105,8 @@ def bundle_walls(
     faces = Lines.from_list([wall.line for wall in [*walls, *images]])
     kept = np.ones(len(faces.normal), dtype=bool)
     found = problem.adjust([*walls, *images], [], faces) if positions.inexact else _as_fitted(walls, positions)
+    if positions.common:
+        found = found.at_clock(float(found.common[1]), float(np.hypot(found.clock_std, positions.clock_doubt)))
 
     def chains_at(bundle: Bundle) -> ChainsAt:
         lines, joint = _lines(walls, bundle)
@@ -111,13 +115,14 @@ def bundle_walls(
         search = ChainSearch(walls, free_paths.take(possible), max_gap)
         return ChainsAt(search.find(lines, joint), lines, joint)
 
+    told = 0.0
     searched = len(walls) > 1 and len(rest) > 0
     single = float(np.median(measured.length_std)) if len(measured) else np.inf
     if searched and found.clock_std > single:
         of_image = np.arange(-table.sizes["mpc"], 0)  # a path of no image is one of its own
         for k, image in enumerate(images):
             of_image[image.paths.row] = k
-        found = with_clock_of_chains(found, single, chains_at, of_image, float(np.ptp(measured.length)))
+        found, told = with_clock_of_chains(found, single, chains_at, of_image, float(np.ptp(measured.length)))
     # chains at one value of the clock contradict those at others
     for _ in range(MAX_ADJUSTMENTS if searched and found.clock_std < SIGMAS * single else 0):
         # found without the errors of positions, adjusted as they were measured
@@ -148,7 +153,7 @@ def bundle_walls(
         fitted.append(replace(moved, line=line))
     if positions.inexact:
         updated = problem.restarted([*walls, *others], len(walls), found)
-    return Adjusted(decision._replace(walls=fitted), problem.fitted(found, updated), chains, updated)
+    return Adjusted(decision._replace(walls=fitted), problem.fitted(found, updated), chains, updated, told)
 
 
 def _are_certain(walls: Sequence[Wall]) -> BoolArray:

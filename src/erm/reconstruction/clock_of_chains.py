@@ -35,15 +35,17 @@ class ChainsAt(NamedTuple):
 
 def with_clock_of_chains(
     found: Bundle, single: float, at: Callable[[Bundle], ChainsAt], image: IntArray, lengths: float
-) -> Bundle:
+) -> tuple[Bundle, float]:
     """An adjustment with the common clock at which chains off its walls explain most, and the error of this clock.
+
+    The second result is the log-likelihood ratio of these chains to paths from anywhere, over all clocks.
 
     Parameters
     ----------
     found : Bundle
         Of single reflections.
     single : float
-        Standard error of a single length [m], the step of the search.
+        Standard error of a single length [m].
     at : callable
         Chains that are found with an adjustment.
     image : array (mpc,) of int
@@ -52,13 +54,18 @@ def with_clock_of_chains(
         Range of lengths [m].
     """
     clock, std = float(found.common[1]), found.clock_std
-    steps = int(np.ceil(SIGMAS * std / single))
-    tried = clock + single * np.arange(-steps, steps + 1)
-    log_posterior = -(((tried - clock) / std) ** 2) / 2
-    log_posterior += [_evidence(at(found.at_clock(value, 0.0)), image, 360.0 * lengths) for value in tried.tolist()]
+    # a clock that is off by a single error loses half a unit of log-likelihood
+    step = 2 * single
+    steps = int(np.ceil(SIGMAS * std / step))
+    tried = clock + step * np.arange(-steps, steps + 1)
+    log_prior = -(((tried - clock) / std) ** 2) / 2
+    log_posterior = log_prior + [
+        _evidence(at(found.at_clock(value, 0.0)), image, 360.0 * lengths) for value in tried.tolist()
+    ]
     weight = np.exp(log_posterior - log_posterior.max())
+    told = log_posterior.max() + np.log(weight.sum() / np.exp(log_prior).sum())
     mean = float(np.average(tried, weights=weight))
-    return found.at_clock(mean, float(np.sqrt(np.average((tried - mean) ** 2, weights=weight))))
+    return found.at_clock(mean, float(np.sqrt(np.average((tried - mean) ** 2, weights=weight)))), float(told)
 
 
 def _evidence(found: ChainsAt, image: IntArray, extent: float) -> float:

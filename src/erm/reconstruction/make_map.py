@@ -80,12 +80,13 @@ def make_map(
     causes += offsets(table, calibration.ambiguous)
     if not as_given:
         table = apply(table, calibration)
-    # what is not removed is exact: a common error that may be none only turns and scales the map
-    common = any(calibration.applied[name] for name in ("heading", "clock"))
+    common = calibration.common and not as_given
     environment, located = reconstruct_survey(
         table,
         SurveyStd(rx_std, heading_std, None if clock_std is None else clock_std * c),
-        common=common and not as_given,
+        common=common,
+        clocks=[(clock - calibration.applied["clock"]) * c for clock in calibration.clocks] if common else (),
+        clock_doubt=calibration.clock_doubt * c,
         min_support=min_support,
         start=start,
         threshold=threshold,

@@ -116,6 +116,8 @@ class LocatedWalls(NamedTuple):
     """Rows of the table that were reflected off several walls."""
     positions: PositionErrors
     """Errors that walls, chains and direct paths show."""
+    evidence: float
+    """Log-likelihood ratio of chains off the walls to paths from anywhere, if they were asked for the clock; else 0."""
 
 
 def locate_walls(
@@ -173,14 +175,14 @@ def locate_walls(
         decision = _decide(table, paths, groups, max_gap, min_support, known)
     table, measured = with_wrapped_delays(table, measured, wrapped, decision.walls, count)
     curved = beside_walls(curved, decision.walls)
-    decision, curved, chains, positions = bundle_walls(table, measured, decision, curved, positions, max_gap)
+    decision, curved, chains, positions, told = bundle_walls(table, measured, decision, curved, positions, max_gap)
     images = [group.inliers[group.inliers < count] for group in groups]
-    return LocatedWalls(table, measured, paths, images, decision, curved, chains, positions)
+    return LocatedWalls(table, measured, paths, images, decision, curved, chains, positions, told)
 
 
 def as_map(found: LocatedWalls, *, min_support: int = 3, max_gap: float = 15.0) -> tuple[Environment, "xr.Dataset"]:
     """Find poles beside walls, and make the map; arguments and results are those of `reconstruct`."""
-    table, measured, paths, images, decision, curved, chains, _ = found
+    table, measured, paths, images, decision, curved, chains, _, _ = found
     candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
     explained = np.concatenate([chains, *(wall.paths.row for wall in [*decision.walls, *candidates])])
     pole_paths = measured.take(_may_be_off_poles(table, explained))

@@ -1,13 +1,14 @@
 """Search walls, adjust walls and survey, search again with the errors of the survey removed, until nothing changes."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from erm.maps.environment import Environment
 from erm.mpcs.selection import select, with_errors
 from erm.reconstruction.model.paths import IntArray
-from erm.reconstruction.reconstruct import as_map, locate_walls
+from erm.reconstruction.reconstruct import LocatedWalls, as_map, locate_walls
 from erm.survey.bundle import SurveyStd
-from erm.survey.positions import from_direct_paths
+from erm.survey.positions import PositionErrors, from_direct_paths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,6 +22,8 @@ def reconstruct_survey(
     given: SurveyStd,
     *,
     common: bool,
+    clocks: Sequence[float] = (),
+    clock_doubt: float = 0.0,
     min_support: int = 3,
     start: IntArray | None = None,
     **options: Any,
@@ -37,6 +40,10 @@ def reconstruct_survey(
         Standard deviations of errors of positions that are known; the others are estimated.
     common : bool
         Whether all positions may share an error of heading and clock.
+    clocks : sequence of float
+        Clocks [m] at which images agree nearly as well. That whose walls explain most chains of reflections is taken.
+    clock_doubt : float
+        Standard deviation [m] among them.
     min_support, start
         See `erm.reconstruct`.
     **options
@@ -49,12 +56,23 @@ def reconstruct_survey(
         Table of `erm.reconstruct` with the receivers where they stood, and `PositionErrors.described`.
     """
     table = with_errors(table)
-    positions = from_direct_paths(table, given, common=common)
-    for _ in range(MAX_ROUNDS):
-        before, selected = positions, select(positions.corrected(table), **options)
-        found = locate_walls(selected, before, min_support=min_support, start=start)
-        positions = found.positions
-        if not positions.moves(before, table):
+    positions = from_direct_paths(table, given, common=common, clock_doubt=clock_doubt)
+
+    def located_with(positions: PositionErrors) -> LocatedWalls:
+        return locate_walls(
+            select(positions.corrected(table), **options), positions, min_support=min_support, start=start
+        )
+
+    starts = [positions.at_clock(clock) for clock in clocks] if len(clocks) > 1 else [positions]
+    positions, found = max(((one, located_with(one)) for one in starts), key=lambda pair: pair[1].evidence)
+    for _ in range(MAX_ROUNDS - 1):
+        if not found.positions.moves(positions, table):
             break
+        positions = found.positions
+        again = located_with(positions)
+        # at the same clock the later search, which knew it, is the better one
+        if again.evidence < found.evidence and again.positions.contradicts(found.positions):
+            break
+        found = again
     environment, located = as_map(found, min_support=min_support)
-    return environment, positions.described(located)
+    return environment, found.positions.described(located)

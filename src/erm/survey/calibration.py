@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from erm.common.constants import c
+from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray, angle_difference
 from erm.mpcs.standard_errors import SIGMAS
 from erm.survey.direct_paths import (
@@ -66,6 +67,10 @@ class Calibration:
     """Standard deviations of the errors of single positions, beyond those of their MPCs."""
     ambiguous: tuple[str, ...] = NAMES
     """Names of the errors that the data do not show."""
+    clocks: tuple[float, ...] = ()
+    """Clocks [s] at which images agree nearly as well, the likeliest first."""
+    clock_doubt: float = 0.0
+    """Standard deviation [s] among them, part of the standard error of the clock."""
     evidence: float = 0.0
     """Log-likelihood ratio to a table without direct paths."""
     direct_paths: int = 0
@@ -100,6 +105,15 @@ class Calibration:
             return float(value != 0)
         prior = 1 / (np.pi * USUAL[name] * (1 + (value / USUAL[name]) ** 2))
         return float(prior * std * np.sqrt(2 * np.pi) * np.exp(min((value / std) ** 2 / 2, 500.0)))
+
+    @property
+    def common(self) -> bool:
+        """Whether positions may share an error of heading or clock that is not known: unless direct paths show none.
+
+        What such paths show to be none is exact: an error that is left would only turn and scale the map.
+        """
+        removed = any(self.applied[name] for name in ("heading", "clock"))
+        return removed or (self.images > 0 and self.direct_paths < FEWEST_DIRECT)
 
     @property
     def significant(self) -> list[str]:
@@ -162,6 +176,8 @@ def calibrate(table: "xr.Dataset") -> Calibration:
         covariance=covariance,
         spreads={"heading": spreads[1], "clock": spreads[0] / c, "gain": gain.spread},
         ambiguous=tuple(name for i, name in enumerate(NAMES) if covariance[i, i] > single[name] ** 2),
+        clocks=tuple(clock / c for clock in start.clocks),
+        clock_doubt=float(np.sqrt(start.doubt[1, 1])) / c,
         evidence=start.evidence,
         direct_paths=int(np.count_nonzero(likely)),
         images=fit.images,
@@ -189,6 +205,8 @@ class _Start(NamedTuple):
     """Whether no other heading is nearly as likely."""
     doubt: FloatArray
     """Covariance (2, 2) of heading [degree] and clock [m] among all that are nearly as likely."""
+    clocks: list[float]
+    """Different clocks [m] among these, the likeliest first."""
 
 
 def _start(seen: Observations) -> _Start:
@@ -196,7 +214,7 @@ def _start(seen: Observations) -> _Start:
     votes = find_direct_paths(seen)
     best = votes[0]
     if best.number >= CERTAIN_DIRECT and best.evidence > LEAST_EVIDENCE * best.number:
-        return _Start(best.evidence, best, True, np.zeros((2, 2)))
+        return _Start(best.evidence, best, True, np.zeros((2, 2)), [])
     found = []
     latest = latest_clock(seen)
     for spreads in SPREADS:
@@ -210,7 +228,12 @@ def _start(seen: Observations) -> _Start:
     found.sort(key=lambda one: -one[0])
     evidence, direct = found[0]
     others = [one[0] for one in found if abs(angle_difference(one[1].heading, direct.heading)) > OTHER_HEADING]
-    return _Start(evidence, direct, evidence - max(others, default=0.0) > MARGIN, _doubt(found))
+    distinct = evidence - max(others, default=0.0) > MARGIN
+    clocks: list[float] = []
+    for other, one in found:
+        if evidence - other < REPEATED * TWENTY_TO_ONE and all(abs(one.clock - clock) > SAME_CLOCK for clock in clocks):
+            clocks.append(one.clock)
+    return _Start(evidence, direct, distinct, _doubt(found), clocks)
 
 
 def _doubt(found: list[tuple[float, DirectPaths]]) -> FloatArray:

@@ -10,6 +10,7 @@ from erm.common.constants import c
 from erm.common.odds import THOUSAND_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.antenna_pairs import distinct_rows
+from erm.mpcs.standard_errors import SIGMAS
 from erm.mpcs.survey_widths import survey_widths
 from erm.mpcs.table import path_length
 from erm.survey.bundle import Bundle, SurveyStd, adjust, by_error
@@ -46,6 +47,9 @@ class PositionErrors:
         Standard deviations of the errors that are known.
     common : bool
         Whether all positions may share an error of heading and of clock.
+    clock_doubt : float
+        Standard deviation [m] of this error among clocks at which other paths belong together: an adjustment, which is
+        told what belongs together, does not see them.
     errors_known : bool
         Whether the table gives all standard errors of delays and azimuths.
     scale : array (2,)
@@ -63,6 +67,7 @@ class PositionErrors:
     common: bool
     errors_known: bool
     scale: FloatArray
+    clock_doubt: float = 0.0
     adjusted: Bundle | None = None
 
     @classmethod
@@ -79,6 +84,10 @@ class PositionErrors:
     def inexact(self) -> bool:
         """Whether positions may have errors."""
         return self.common or any(std is None or std > 0 for std in self.given.known())
+
+    def at_clock(self, clock: float) -> "PositionErrors":
+        """The same with a clock [m] that all positions share."""
+        return replace(self, errors=self.errors + np.array([0.0, 0.0, 0.0, clock]))
 
     def updated(self, found: Bundle) -> "PositionErrors":
         """Errors that an adjustment of faces found."""
@@ -162,6 +171,13 @@ class PositionErrors:
             ),
         )
 
+    def contradicts(self, other: "PositionErrors") -> bool:
+        """Whether an adjustment found another common clock than another one did."""
+        if self.adjusted is None or other.adjusted is None:
+            return False
+        std = np.hypot(self.adjusted.clock_std, other.adjusted.clock_std)
+        return bool(abs(self.adjusted.common[1] - other.adjusted.common[1]) > SIGMAS * std)
+
     def moves(self, other: "PositionErrors", table: "xr.Dataset") -> bool:
         """Whether other errors of the positions make paths of a table clearly different."""
         change = self.errors - other.errors
@@ -171,17 +187,19 @@ class PositionErrors:
         return bool(np.maximum(length, azimuth).max(initial=0.0) > TOLERANCE)
 
 
-def from_direct_paths(table: "xr.Dataset", given: SurveyStd, *, common: bool = False) -> PositionErrors:
+def from_direct_paths(
+    table: "xr.Dataset", given: SurveyStd, *, common: bool = False, clock_doubt: float = 0.0
+) -> PositionErrors:
     """Errors of positions as their direct paths show them; the start of a search for walls.
 
     Parameters
     ----------
     table : xarray.Dataset
         MPC table with all standard errors (`erm.mpcs.selection.with_errors`).
-    given, common
+    given, common, clock_doubt
         See `PositionErrors`.
     """
-    start = PositionErrors.none(table, given, common=common)
+    start = replace(PositionErrors.none(table, given, common=common), clock_doubt=clock_doubt)
     if not table.sizes["mpc"]:
         return start
     seen = Observations.of(table)

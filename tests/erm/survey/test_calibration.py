@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from erm.survey.calibration import apply, calibrate
+from erm.survey.calibration import Calibration, apply, calibrate
 
 from .streets import street
 
@@ -32,6 +32,15 @@ def test_a_table_without_errors_stays_as_it_is():
         mended = apply(table, calibrate(table))
         for name in ("azimuth", "delay", "path_gain"):
             np.testing.assert_array_equal(mended[name], table[name])
+
+
+def test_only_direct_paths_show_that_there_is_no_common_error():
+    """Images that leave the clock open are no proof that it is right."""
+    covariance = np.diag([0.1, 1e-9, 1.0]) ** 2
+    assert Calibration(0.1, 8e-10, covariance=covariance, images=4).common
+    assert not Calibration(0.1, 8e-10, covariance=covariance, images=4, direct_paths=5).common
+    assert Calibration(5.0, 8e-10, covariance=covariance, images=4, direct_paths=5).common
+    assert not Calibration().common
 
 
 def test_an_empty_table_is_calibrated_by_nothing():
