@@ -175,9 +175,9 @@ def locate_walls(
         decision = _decide(table, paths, groups, max_gap, min_support, known)
     table, measured = with_wrapped_delays(table, measured, wrapped, decision.walls, count)
     curved = beside_walls(curved, decision.walls)
-    decision, curved, chains, positions, told = bundle_walls(table, measured, decision, curved, positions, max_gap)
+    decision, curved, chains, positions, evidence = bundle_walls(table, measured, decision, curved, positions, max_gap)
     images = [group.inliers[group.inliers < count] for group in groups]
-    return LocatedWalls(table, measured, paths, images, decision, curved, chains, positions, told)
+    return LocatedWalls(table, measured, paths, images, decision, curved, chains, positions, evidence)
 
 
 def as_map(found: LocatedWalls, *, min_support: int = 3, max_gap: float = 15.0) -> tuple[Environment, "xr.Dataset"]:
