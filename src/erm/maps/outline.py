@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from erm.common.constants import FARTHEST
 from erm.common.errors import DataError, OptionError
 from erm.geometry.vertical import FloatArray
 from erm.maps.arcs import arc_points
@@ -79,9 +80,14 @@ def read_outline(
             raise DataError(f"no LineString or Polygon is left{which}; relax z_slice or min_visible")
         points = np.asarray(segments)
         crs, own = declared_frame(document)
-        if crs is None and np.ptp(points, axis=(0, 1)).max() < MIN_SPAN:
+        with np.errstate(over="ignore"):
+            span = np.ptp(points, axis=(0, 1)).max()
+        if crs is None and span < MIN_SPAN:
             crs = WGS84
-        return place_in_frame(points, crs, georeference or own)
+        placed = place_in_frame(points, crs, georeference or own)
+        if not (np.abs(placed) < FARTHEST).all():
+            raise DataError(f"a position is {np.abs(placed).max():g} m away, no place on earth")
+        return placed
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
 

@@ -180,6 +180,8 @@ class BackToBack:
     sequence: Waveform | Periodic | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        if 0 in self.captures.shape:
+            raise DataError(f"{self.source}: the back-to-back holds no samples; record it again")
         if self.s21 is None:
             return
         frequency, s21 = self.s21

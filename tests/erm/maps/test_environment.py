@@ -17,6 +17,7 @@ from erm.maps.environment import Environment, Slab
 from erm.maps.formats import read_map, write_map
 from erm.maps.formats.geopackage import LOCAL_METRES
 from erm.maps.materials import Material
+from erm.maps.outline import read_outline
 from erm.maps.reflectors import make_reflectors
 
 from ..strategies import maps
@@ -175,6 +176,25 @@ def test_geopackage_without_its_library_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyogrio", None)
     with pytest.raises(DataError, match=r"sounder-to-map\[gis\]"):
         write_map(random_place(0), tmp_path / "a.gpkg")
+
+
+def test_numbers_among_the_attributes_of_a_map_are_no_fault_of_other_formats(tmp_path):
+    table = make_reflectors([[[0, 0], [1, 0]]])
+    table.attrs |= {"one": np.int64(3), "two": np.arange(2), "three": np.nan}
+    write_map(Environment(table), tmp_path / "m.h5")
+    write_map(read_map(tmp_path / "m.h5"), tmp_path / "m.geojson")
+    assert json.loads((tmp_path / "m.geojson").read_text())["attributes"]["two"] == [0, 1]
+
+
+def test_an_outline_beyond_the_earth_is_refused(tmp_path):
+    feature = {
+        "type": "Feature",
+        "properties": {},
+        "geometry": {"type": "LineString", "coordinates": [[0, 1e308], [0, -1e308]]},
+    }
+    (tmp_path / "o.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    with pytest.raises(DataError, match=r"o\.geojson: a position is 1e\+308 m away, no place on earth"):
+        read_outline(tmp_path / "o.geojson")
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path):

@@ -31,6 +31,7 @@ def test_a_back_to_back_comes_back(tmp_path, sounder, attenuator):
     [
         ({"iq": None}, "the file has no iq"),
         ({"iq": IQ[0, 0, 0]}, "expected int16 (snapshot, sample, 2)"),
+        ({"iq": IQ[0, 0, :0]}, "the back-to-back holds no samples"),
         ({"attenuator_frequency": None}, "the file has no attenuator_frequency"),
         ({"attenuator_frequency": [1.0, 3.0, 2.0, 4.0, 5.0]}, "attenuator_frequency is not in ascending order"),
         ({"attenuator_s21": np.ones(5)}, "attenuator_s21 has shape (5,); expected (5, 2)"),

@@ -56,12 +56,20 @@ def read_group(path: Path, name: str) -> "xr.Dataset | None":
     return open_group(path, name) if there else None
 
 
+def _plain(value: Any) -> Any:
+    """Attribute of a file of anybody as text formats can hold it."""
+    try:
+        return json.loads(json.dumps(value.tolist() if hasattr(value, "tolist") else value, allow_nan=False))
+    except (TypeError, ValueError):  # what JSON cannot write
+        return str(value)
+
+
 def read(path: Path) -> tuple[Columns, dict[str, Any]]:
     """Read a file of `write`."""
     table = open_group(path)
     if "reflector" not in table.dims:
         raise DataError(f"{path}: holds no reflectors; expected an environment")
-    attributes = dict(table.attrs)
+    attributes = {name: _plain(value) for name, value in table.attrs.items()}
     try:
         scene = {name: parse_json(attributes.pop(name, "null")) for name in SCENE}
     except (TypeError, ValueError) as error:
