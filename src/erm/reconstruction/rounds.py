@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.maps.environment import Environment
 from erm.mpcs.selection import select, with_errors
 from erm.reconstruction.model.paths import IntArray
@@ -41,7 +42,7 @@ def reconstruct_survey(
     common : bool
         Whether all positions may share an error of heading and clock.
     clocks : sequence of float
-        Clocks [m] at which images agree nearly as well. That whose walls explain most chains of reflections is taken.
+        Clocks [m] at which images agree nearly as well. One whose walls explain chains 20 times better is taken.
     clock_doubt : float
         Standard deviation [m] among them.
     min_support, start
@@ -63,8 +64,12 @@ def reconstruct_survey(
             select(positions.corrected(table), **options), positions, min_support=min_support, start=start
         )
 
-    starts = [positions.at_clock(clock) for clock in clocks] if len(clocks) > 1 else [positions]
-    positions, found = max(((one, located_with(one)) for one in starts), key=lambda pair: pair[1].evidence)
+    found = located_with(positions)
+    if len(clocks) > 1:
+        starts = [positions.at_clock(clock) for clock in clocks]
+        start_of_best, best = max(((one, located_with(one)) for one in starts), key=lambda pair: pair[1].evidence)
+        if best.evidence > found.evidence + TWENTY_TO_ONE:
+            positions, found = start_of_best, best
     for _ in range(MAX_ROUNDS - 1):
         if not found.positions.moves(positions, table):
             break

@@ -87,4 +87,4 @@ def test_the_clock_is_kept_whose_walls_explain_most_chains(monkeypatch, clocks, 
     monkeypatch.setattr(rounds, "as_map", lambda found, **_: (found.clock, table))
     clock, _ = rounds.reconstruct_survey(table, SurveyStd(0.0, 0.0, 0.0), common=True, clocks=clocks)
     assert clock == pytest.approx(kept)
-    np.testing.assert_allclose(searched, [*(clocks or [0.0]), kept + 0.7])
+    np.testing.assert_allclose(searched, [0.0, *clocks, kept + 0.7])
