@@ -26,7 +26,7 @@ from erm.reconstruction.decision.decide import Decision, KnownCurved, decide_wal
 from erm.reconstruction.decision.pieces import Links
 from erm.reconstruction.delay_wraps import add_wrapped_paths, with_wrapped_delays
 from erm.reconstruction.model.extent import Legs
-from erm.reconstruction.model.line import seed_lines
+from erm.reconstruction.model.line import Lines, seed_lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
 from erm.reconstruction.model.ragged import concatenate_rows
 from erm.reconstruction.model.wall import Wall
@@ -186,7 +186,8 @@ def as_map(found: LocatedWalls, *, min_support: int = 3, max_gap: float = 15.0) 
     candidates = [wall for wall, why in decision.rejected if why != Reason.FALSE_ALARM]
     explained = np.concatenate([chains, *(wall.paths.row for wall in [*decision.walls, *candidates])])
     pole_paths = measured.take(_may_be_off_poles(table, explained))
-    pole_paths = pole_paths.take(~chains_off(curved, pole_paths, [wall.line for wall in decision.walls]))
+    off_curved, _ = chains_off(curved, pole_paths, Lines.from_list([wall.line for wall in decision.walls]))
+    pole_paths = pole_paths.take(np.setdiff1d(np.arange(len(pole_paths)), off_curved))
     poles = find_poles(pole_paths, decision.walls, min_support)
     curved = without_ghosts_of_poles(curved, poles, decision.walls)
     environment, located = assemble(decision, chains, poles, pole_paths, table, curved, max_gap)

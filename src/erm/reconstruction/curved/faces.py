@@ -16,8 +16,8 @@ from erm.reconstruction.curved.ghosts import Cylinder, explained_by_chains, with
 from erm.reconstruction.curved.search import CurvedFace, CylinderSearch
 from erm.reconstruction.decision.pieces import hidden_legs, span
 from erm.reconstruction.model.extent import MAX_FRESNEL_MARGIN, Legs, solid_footprint
-from erm.reconstruction.model.line import Line
-from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.model.line import Lines
+from erm.reconstruction.model.paths import IntArray, Paths
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.poles.point_scatterers import MAX_RADIUS
 from erm.reconstruction.poles.poles import Pole
@@ -108,8 +108,8 @@ def beside_walls(curved: Curved, walls: Sequence[Wall]) -> Curved:
     return curved._replace(faces=without_ghosts(kept, curved.search, [wall.line for wall in walls], free))
 
 
-def chains_off(curved: Curved, paths: Paths, lines: Sequence[Line]) -> BoolArray:
-    """Whether (path,) chains off a curved face, or a thin pole, and a wall explain paths."""
+def chains_off(curved: Curved, paths: Paths, lines: Lines) -> tuple[IntArray, IntArray]:
+    """Pairs of paths and walls, of which chains off the wall and a curved face, or a thin pole, explain the path."""
     return explained_by_chains(paths, [Cylinder.of(face) for face in (*curved.faces, *curved.thin)], lines)
 
 
@@ -122,10 +122,12 @@ def without_ghosts_of_poles(curved: Curved, poles: Sequence[Pole], walls: Sequen
         Cylinder(pole.centre, pole.radius, np.pad(pole.covariance, (0, 1)) + np.diag([0.0, 0.0, pole.radius**2]))
         for pole in poles
     ]
-    lines = [wall.line for wall in walls]
+    lines = Lines.from_list([wall.line for wall in walls])
     paths = [curved.paths.take(face.inliers) for face in curved.faces]
-    explained = [explained_by_chains(own, cylinders, lines).mean() for own in paths]
-    return curved._replace(faces=[face for face, share in zip(curved.faces, explained, strict=True) if share < 0.5])
+    explained = [len(np.unique(explained_by_chains(own, cylinders, lines)[0])) for own in paths]
+    return curved._replace(
+        faces=[face for face, count in zip(curved.faces, explained, strict=True) if count < len(face.inliers) / 2]
+    )
 
 
 def is_pole(face: CurvedFace) -> bool:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.cylinders import Bounce, bounce
@@ -28,6 +29,7 @@ from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.line import Line, Lines
 from erm.reconstruction.model.loss import LOSS_RANGE, TYPICAL_LOSS, log_odds_of_loss
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.search.images import neighbours
 
 MAX_STEPS = 12
 """Gauss-Newton steps of a chain at most. Chosen; not derived."""
@@ -65,7 +67,7 @@ Chain = Callable[[Paths, FloatArray], Seen]
 
 
 def without_ghosts(
-    faces: Sequence[CurvedFace], search: CylinderSearch, lines: Sequence[Line], free: BoolArray
+    faces: Sequence[CurvedFace], search: CylinderSearch, lines: list[Line], free: BoolArray
 ) -> list[CurvedFace]:
     """Curved faces that chains off better ones, and off walls, do not explain.
 
@@ -83,13 +85,12 @@ def without_ghosts(
     accepted: list[CurvedFace] = []
     for face in sorted(faces, key=lambda face: (_is_behind(face, search.paths, lines), -face.evidence)):
         own = search.paths.take(face.inliers)
-        explained = explained_by_chains(own, [Cylinder.of(known) for known in accepted], lines)
-        if explained.any():
-            if np.count_nonzero(~explained) < MIN_PATHS:
+        explained, _ = explained_by_chains(own, [Cylinder.of(known) for known in accepted], Lines.from_list(lines))
+        if len(explained):
+            rest = np.delete(face.inliers, explained)
+            if len(rest) < MIN_PATHS:
                 continue
-            again = search.refine(
-                np.array([*face.fit.centre, face.fit.radius]), face.fit.covariance, face.inliers[~explained]
-            )
+            again = search.refine(np.array([*face.fit.centre, face.fit.radius]), face.fit.covariance, rest)
             if again is None or again.evidence < TWENTY_TO_ONE:
                 continue
             face = again
@@ -103,56 +104,83 @@ def without_ghosts(
     return accepted
 
 
-def explained_by_chains(own: Paths, cylinders: Sequence[Cylinder], lines: Sequence[Line]) -> BoolArray:
-    """Whether (path,) chains off a known cylinder and a wall, in either order, explain paths."""
-    explained = np.zeros(len(own), dtype=bool)
-    if not len(own) or not lines:
-        return explained
+def explained_by_chains(own: Paths, cylinders: Sequence[Cylinder], lines: Lines) -> tuple[IntArray, IntArray]:
+    """Pairs (pair,) of paths and walls: a chain off the wall and a known cylinder, in either order, explains the path.
+
+    A pair is there as often as chains explain it.
+    """
+    pairs = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
     for cylinder in cylinders:
-        for seen, which in _near_in_mirrors(own, cylinder, Lines.from_list(list(lines))):
-            explained[which[_chi_squared(own.take(which), seen, cylinder.covariance) < CHI_SQUARED_GATE]] = True
-    return explained
+        for wall_first in (True, False):
+            path, wall = _near_in_mirrors(own, cylinder, lines, wall_first=wall_first)
+            some = own.take(path)
+            tx, rx, azimuth = _in_mirrors(some, lines.take(wall), wall_first=wall_first)
+            centre, radius = np.tile(cylinder.centre, (len(path), 1)), np.full(len(path), cylinder.radius)
+            seen = Seen(tx, rx, azimuth, centre, radius)
+            agree = _chi_squared(some, seen, cylinder.covariance) < CHI_SQUARED_GATE
+            pairs.append((path[agree], wall[agree]))
+    path, wall = (np.concatenate(column) for column in zip(*pairs, strict=True))
+    return path, wall
 
 
 def _in_mirrors(own: Paths, lines: Lines, *, wall_first: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Antennas (path, line, 2) and azimuths (path, line) in the mirror of lines before, or after, a cylinder.
+    """Antennas (path, 2) and azimuths (path,) in the mirror of a line, or of one each, before or after a cylinder.
 
     The antenna on the other side of the cylinder may be behind a line: its image is NaN.
     """
     n = unit(lines.normal)
-    antenna, other = own.tx[:, None, :2], own.rx[:, None, :2]
-    azimuth = own.azimuth[:, None]
-    if not wall_first:
-        antenna, other, azimuth = other, antenna, 2 * (lines.normal + 90) - azimuth
-    depth = np.sum((antenna - lines.pivot) * n, axis=-1) - lines.offset
-    image = np.where(depth[..., None] > 0, antenna - 2 * depth[..., None] * n, np.nan)
-    other, azimuth = np.broadcast_to(other, image.shape), np.broadcast_to(azimuth, depth.shape)
-    return (image, other, azimuth) if wall_first else (other, image, azimuth)
+    tx, rx = own.tx[:, :2], own.rx[:, :2]
+    antenna = tx if wall_first else rx
+    depth = (np.sum((antenna - lines.pivot) * n, axis=-1) - lines.offset)[:, None]
+    image = np.where(depth > 0, antenna - 2 * depth * n, np.nan)
+    return (image, rx, own.azimuth) if wall_first else (tx, image, 2 * (lines.normal + 90) - own.azimuth)
 
 
-def _near_in_mirrors(own: Paths, cylinder: Cylinder, lines: Lines) -> list[tuple[Seen, IntArray]]:
-    """Paths in the mirror of each line before or after a cylinder, where they may meet it, and which paths they are.
+def _near_in_mirrors(own: Paths, cylinder: Cylinder, lines: Lines, *, wall_first: bool) -> tuple[IntArray, IntArray]:
+    """Pairs (pair,) of paths and lines, where a path may meet a cylinder in the mirror of the line before or after it.
 
     A reflection is within a radius of the axis. The length differs from that over the axis by at most two radii then,
-    and the azimuth from that of the axis by at most ``asin(radius / distance)``.
+    and the azimuth from that of the axis, or of its image, by at most ``asin(radius / distance)``.
     """
     gate = np.sqrt(CHI_SQUARED_GATE)
     # a metre of centre or radius changes a length by two metres at most
     reach = abs(cylinder.radius) + gate * np.sqrt(8 * np.trace(cylinder.covariance))
     length = horizontal_length(own.tx, own.rx, own.length)
     tolerance = 2 * reach + gate * own.length_std * own.length / length
-    found = []
-    for wall_first in (True, False):
-        seen = _in_mirrors(own, lines, wall_first=wall_first)
-        first, last = (np.linalg.norm(cylinder.centre - end, axis=-1) for end in seen[:2])
-        aside = np.where(last > reach, np.rad2deg(np.arcsin(np.minimum(reach / last, 1.0))), 180.0)
-        toward = np.abs(angle_difference(seen[2], azimuth_of(cylinder.centre - seen[1])))
-        near = np.abs(length[:, None] - first - last) <= tolerance[:, None]
-        which, line = np.nonzero(near & (toward <= aside + gate * own.azimuth_std[:, None]))
-        tx, rx, azimuth = (column[which, line] for column in seen)
-        centre, radius = np.tile(cylinder.centre, (len(which), 1)), np.full(len(which), cylinder.radius)
-        found.append((Seen(tx, rx, azimuth, centre, radius), which))
-    return found
+    mirrored_axis = mirrored(cylinder.centre - lines.pivot, lines.normal, lines.offset) + lines.pivot
+    rx = own.rx[:, :2]
+    before, after = (own.tx[:, :2], rx) if wall_first else (rx, own.tx[:, :2])
+    leg = length - np.linalg.norm(cylinder.centre - after, axis=-1)  # that the wall is on
+    possible = np.flatnonzero(leg + tolerance > 0)
+    if wall_first:
+        seen = _are_toward(own.take(possible), np.broadcast_to(cylinder.centre, (len(possible), 2)), reach)
+        possible = possible[seen]
+        path, line = np.repeat(possible, len(lines.normal)), np.tile(np.arange(len(lines.normal)), len(possible))
+    else:
+        shortest = leg[possible] - tolerance[possible]
+        aside = np.where(shortest > reach, np.arcsin(np.minimum(reach / np.maximum(shortest, reach), 1.0)), np.pi)
+        turned = np.minimum(aside + gate * np.deg2rad(own.azimuth_std[possible]), np.pi)
+        places = rx[possible] + leg[possible, None] * unit(own.azimuth[possible])
+        widest = tolerance[possible] + 2 * np.abs(leg[possible]) * np.sin(turned / 2)
+        near = neighbours(cKDTree(mirrored_axis), places, widest)
+        path, line = possible[near.owner], near.rows
+    distance = np.linalg.norm(mirrored_axis[line] - before[path], axis=-1)
+    near = np.abs(distance - leg[path]) <= tolerance[path]
+    in_front = np.sum((before[path] - lines.pivot[line]) * unit(lines.normal)[line], axis=-1) > lines.offset[line]
+    path, line = path[near & in_front], line[near & in_front]
+    if not wall_first:
+        seen = _are_toward(own.take(path), mirrored_axis[line], reach)
+        path, line = path[seen], line[seen]
+    return path, line
+
+
+def _are_toward(own: Paths, axis: FloatArray, reach: float) -> BoolArray:
+    """Whether (path,) paths may arrive from within a reach of the axes (path, 2) of cylinders."""
+    apart = axis - own.rx[:, :2]
+    distance = np.linalg.norm(apart, axis=-1)
+    aside = np.where(distance > reach, np.rad2deg(np.arcsin(np.minimum(reach / distance, 1.0))), 180.0)
+    toward = np.abs(angle_difference(own.azimuth, azimuth_of(apart)))
+    return np.asarray(toward <= aside + np.sqrt(CHI_SQUARED_GATE) * own.azimuth_std)
 
 
 def _is_behind(face: CurvedFace, paths: Paths, lines: Sequence[Line]) -> bool:
@@ -169,8 +197,7 @@ def _chains_with_cylinder(own: Paths, face: CurvedFace, line: Line) -> list[tupl
     for wall_first in (True, False):
 
         def chain(own: Paths, p: FloatArray, wall_first: bool = wall_first) -> Seen:
-            tx, rx, azimuth = (column[:, 0] for column in _in_mirrors(own, lines, wall_first=wall_first))
-            return Seen(tx, rx, azimuth, p[:, :2], p[:, 2])
+            return Seen(*_in_mirrors(own, lines, wall_first=wall_first), p[:, :2], p[:, 2])
 
         point, normal = _elements(own, chain(own, np.ones((len(own), 3))))
         n = unit(normal)

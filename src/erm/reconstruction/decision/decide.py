@@ -4,7 +4,7 @@ The most plausible candidates are accepted first. Candidates that contradict acc
 """
 
 from collections.abc import Callable, Sequence
-from itertools import compress
+from itertools import compress, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from erm.reconstruction.decision.multi_bounce import (
 )
 from erm.reconstruction.decision.pieces import Links, cut_walls, plan_lines
 from erm.reconstruction.model.extent import MAX_TESTED_PATHS, STRAY_SHARE, Legs, Piece, legs_of
-from erm.reconstruction.model.line import Line
+from erm.reconstruction.model.line import Lines
 from erm.reconstruction.model.loss import (
     LOSS_SCATTER,
     excess_loss,
@@ -35,7 +35,8 @@ from erm.reconstruction.model.loss import (
     median_loss,
     weighted_quantile,
 )
-from erm.reconstruction.model.paths import BoolArray, Paths
+from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
+from erm.reconstruction.model.ragged import Ragged
 from erm.reconstruction.model.wall import Wall
 from erm.reconstruction.search.false_alarm import evidence, without_worthless
 
@@ -73,8 +74,8 @@ class KnownCurved(NamedTuple):
 
     standing: np.ndarray
     """Geometries (face,) of shapely: where they stand, seen from above."""
-    explain: Callable[[Paths, Sequence[Line]], BoolArray]
-    """Whether chains off one of them and one of some walls explain paths (path,)."""
+    explain: Callable[[Paths, Lines], tuple[IntArray, IntArray]]
+    """Pairs of paths and walls, of which chains off one of them and the wall explain the path."""
 
 
 class Decision(NamedTuple):
@@ -105,7 +106,7 @@ class Candidates:
         self, walls: Sequence[Wall], minor: Sequence[Wall], lines_of_sight: Legs, max_gap: float, curved: KnownCurved
     ) -> None:
         self.walls = list(walls)
-        self._explained_by_curved = curved.explain
+        self._off_curved = _chains_off_curved(walls, curved)
         tree = shapely.STRtree(curved.standing)
         self._curved_openings = [_openings_of_curved(wall, tree) for wall in walls]
         self._is_multi_bounce: dict[tuple[int, bytes], bool] = {}
@@ -154,11 +155,10 @@ class Candidates:
         key = (wall, others.tobytes())
         if key not in self._is_multi_bounce:
             mirrors = [self._mirrors[i] for i in np.flatnonzero(others)] + self._minor_mirrors
-            lines = [self.walls[i].line for i in np.flatnonzero(others)]
-            self._is_multi_bounce[key] = is_multi_bounce(self.walls[wall], mirrors) or bool(
-                np.mean(self._explained_by_curved(self.walls[wall].paths, lines)) > 0.5
-            )
-        return Reason.MULTIPLE_REFLECTION if self._is_multi_bounce[key] else None
+            self._is_multi_bounce[key] = is_multi_bounce(self.walls[wall], mirrors)
+        path, known = self._off_curved[wall]
+        of_curved = 2 * len(np.unique(path[others[known]])) > self.walls[wall].support
+        return Reason.MULTIPLE_REFLECTION if of_curved or self._is_multi_bounce[key] else None
 
     def _log_odds_beside(self, wall: int, accepted: BoolArray) -> float:
         """`log_odds`, less if accepted candidates may obstruct the wall.
@@ -244,6 +244,17 @@ def _openings_of_curved(wall: Wall, curved: shapely.STRtree) -> int:
     leg, face = curved.query(plan_lines(*legs_of(wall)), predicate="intersects")
     met = len(np.unique(leg % wall.support))
     return len(np.unique(face)) if met > wall.support / 2 else 0
+
+
+def _chains_off_curved(walls: Sequence[Wall], curved: KnownCurved) -> list[tuple[IntArray, IntArray]]:
+    """Of each candidate the pairs of its paths and candidates, of which chains with a curved face explain the path."""
+    if not walls:
+        return []
+    inliers = Ragged.from_lists([wall.inliers for wall in walls])
+    row, known = curved.explain(walls[0].all_paths.take(inliers.rows), Lines.from_list([wall.line for wall in walls]))
+    order = np.argsort(row, kind="stable")
+    edges = np.searchsorted(row[order], inliers.start)
+    return [(row[order[low:high]], known[order[low:high]]) for low, high in pairwise(edges.tolist())]
 
 
 def _is_certain(wall: Wall) -> bool:

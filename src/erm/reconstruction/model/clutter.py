@@ -50,14 +50,30 @@ def density_of_stronger(
     span = max(float(np.ptp(length)) if len(length) else 0.0, 1.0)
     density = np.full(len(length), JEFFREYS_COUNT / (span * 360))
     order = np.argsort(link, kind="stable")
-    for together in np.split(order, np.flatnonzero(np.diff(link[order])) + 1):
-        for rows in np.array_split(together, 1 + len(together) ** 2 // BATCH_PAIRS):
-            along = np.abs(length[together] - length[rows, None]) / std[0][rows, None]
-            aside = np.abs(angle_difference(azimuth[together], azimuth[rows, None])) / std[1][rows, None]
-            away = np.maximum(np.maximum(along, aside), np.sqrt(CHI_SQUARED_GATE))
-            away[loss[together] >= loss[rows, None]] = np.inf
-            away.sort(axis=1)
-            area = np.minimum(2 * away * std[0][rows, None], span) * np.minimum(2 * away * std[1][rows, None], 360.0)
-            count = np.where(np.isfinite(away), np.arange(1, len(together) + 1), 0)
-            density[rows] = np.maximum(density[rows], (count / area).max(axis=1, initial=0.0))
+    start, size = np.unique(link[order], return_index=True, return_counts=True)[1:]
+    for count in np.unique(size).tolist():  # links with as many paths together
+        of_size = order[start[size == count, None] + np.arange(count)]
+        for some in np.array_split(of_size, 1 + of_size.size * count // BATCH_PAIRS):
+            for rows in np.array_split(some, 1 + some.size * count // BATCH_PAIRS, axis=1):
+                density[rows] = np.maximum(density[rows], _of_links(some, rows, (length, azimuth, loss), std, span))
     return density
+
+
+def _of_links(
+    together: npt.NDArray[np.int64],
+    rows: npt.NDArray[np.int64],
+    values: tuple[FloatArray, FloatArray, FloatArray],
+    std: tuple[FloatArray, FloatArray],
+    span: float,
+) -> FloatArray:
+    """Largest density (link, row) about rows (link, row) of stronger ones among the paths (link, path) of each."""
+    length, azimuth, loss = ((column[together][:, None], column[rows][:, :, None]) for column in values)
+    of_length, of_azimuth = (one[rows][:, :, None] for one in std)
+    along = np.abs(length[0] - length[1]) / of_length
+    away = np.maximum(along, np.abs(angle_difference(*azimuth)) / of_azimuth)
+    away = np.maximum(away, np.sqrt(CHI_SQUARED_GATE))
+    away[loss[0] >= loss[1]] = np.inf
+    away.sort(axis=-1)
+    area = np.minimum(2 * away * of_length, span) * np.minimum(2 * away * of_azimuth, 360.0)
+    count = np.where(np.isfinite(away), np.arange(1, together.shape[1] + 1), 0)
+    return np.asarray((count / area).max(axis=-1, initial=0.0))

@@ -31,7 +31,11 @@ class Frame(NamedTuple):
 
     def along(self, points: FloatArray) -> FloatArray:
         """Coordinate (...) of points (..., 2 or more) along the line, to the left of its normal [m]."""
-        return (points[..., 1] - self.py) * self.nx - (points[..., 0] - self.px) * self.ny
+        return self.along_at(points[..., 0], points[..., 1])
+
+    def along_at(self, east: FloatArray, north: FloatArray) -> FloatArray:
+        """Coordinate (...) of points in columns (...) along the line, to the left of its normal [m]."""
+        return (north - self.py) * self.nx - (east - self.px) * self.ny
 
     def reflection_points(self, paths: PathColumns) -> tuple[FloatArray, FloatArray]:
         """Reflection points of paths (path,), east and north [m].

@@ -121,6 +121,8 @@ def _without_false_alarms(
     paths: Paths, trials: Sequence[Trial[Group] | None], min_support: int, least_evidence: float
 ) -> list[Trial[Group] | None]:
     """Trials that found nothing where they found a false alarm."""
+    if least_evidence == -np.inf:
+        return list(trials)
     groups = [trial.found if trial else None for trial in trials]
     large = [n for n, group in enumerate(groups) if group is not None and len(group.inliers) >= min_support]
     walls = [Wall(paths, group.line, group.inliers) for group in (groups[n] for n in large) if group is not None]

@@ -12,7 +12,6 @@ from scipy.special import betaln
 
 from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
-from erm.reconstruction.model.fit import residuals
 from erm.reconstruction.model.line import PLANE_SPAN
 from erm.reconstruction.model.loss import log_odds_of_loss
 from erm.reconstruction.model.paths import Paths
@@ -62,13 +61,18 @@ def _log_odds_of_paths(walls: Sequence[Wall]) -> tuple[Ragged, FloatArray]:
 def _in_view(wall: Wall, links: Paths) -> int:
     """Number of links that a candidate would reflect to, between its inliers and over paths no longer than theirs."""
     frame, own = wall.line.frame(), wall.paths
-    along = frame.along(np.stack(frame.reflection_points(own.columns), axis=-1))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        place = frame.along(np.stack(frame.reflection_points(links.columns), axis=-1))
-        length = links.length - residuals(links.columns, frame).length
-    front = np.minimum(frame.signed_distance(links.tx), frame.signed_distance(links.rx)) > 0
-    seen = front & (place > along.min()) & (place < along.max()) & (length < own.length.max())
-    return wall.support + int(np.count_nonzero(seen & ~np.isin(links.link, own.link)))
+    along = frame.along(wall.reflection_points)
+    columns = links.columns
+    near = frame.signed_distance_at(columns.rx_east, columns.rx_north)
+    far = frame.signed_distance_at(columns.tx_east, columns.tx_north)
+    in_front = np.flatnonzero(np.minimum(near, far) > 0)
+    near, far = near[in_front], far[in_front]
+    of_rx = frame.along_at(columns.rx_east[in_front], columns.rx_north[in_front])
+    aside = frame.along_at(columns.tx_east[in_front], columns.tx_north[in_front]) - of_rx
+    place = of_rx + near / (near + far) * aside
+    squared = (near + far) ** 2 + aside**2 + columns.height_difference[in_front] ** 2
+    seen = (place > along.min()) & (place < along.max()) & (squared < own.length.max() ** 2)
+    return wall.support + len(np.setdiff1d(links.link[in_front[seen]], own.link, assume_unique=True))
 
 
 def log_probability_of_view(received: int, in_view: int) -> float:

@@ -134,7 +134,7 @@ def test_weak_clutter_makes_no_walls(seed):
         Wall(measured, group.line, group.inliers) for group in find_groups(measured, 3, least_evidence=-np.inf)
     ]
     nothing = np.empty((0, 3))
-    no_curved = KnownCurved(np.empty(0, dtype=object), lambda some, _: np.zeros(len(some), dtype=bool))
+    no_curved = KnownCurved(np.empty(0, dtype=object), lambda *_: (np.empty(0, dtype=np.int64),) * 2)
     decision = decide_walls(
         by_chance, [], Legs(nothing, nothing), Links(measured.tx, measured.rx), np.inf, 3, no_curved
     )
