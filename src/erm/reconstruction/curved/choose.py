@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from erm.common.odds import THOUSAND_TO_ONE
-from erm.reconstruction.curved.search import CurvedFace, CylinderSearch, path_log_odds
+from erm.reconstruction.curved.agreement import path_log_odds
+from erm.reconstruction.curved.search import CurvedFace, CylinderSearch
 from erm.reconstruction.model.fit import EXACT_LINE, chi_squared, fit_line, residuals
 from erm.reconstruction.model.line import PLANE_SPAN
 from erm.reconstruction.model.loss import log_odds_of_loss

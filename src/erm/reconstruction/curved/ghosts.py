@@ -24,7 +24,9 @@ from erm.geometry.vertical import (
     reflection_point,
     unit,
 )
-from erm.reconstruction.curved.search import MIN_PATHS, CurvedFace, CylinderSearch, log_prior, path_log_odds
+from erm.reconstruction.curved.agreement import path_log_odds
+from erm.reconstruction.curved.pairs import log_prior
+from erm.reconstruction.curved.search import MIN_PATHS, CurvedFace, CylinderSearch
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.line import Line, Lines
 from erm.reconstruction.model.loss import LOSS_RANGE, TYPICAL_LOSS, log_odds_of_loss

@@ -1,8 +1,8 @@
 """Search for cylinders: pairs of surface elements that turn toward each other, and the paths that agree with them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import compress
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -10,8 +10,18 @@ from scipy.spatial import cKDTree
 from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.mpcs.standard_errors import SIGMAS
+from erm.reconstruction.curved.agreement import NearElements, centre_misfit, path_log_odds, predictive_log_odds
 from erm.reconstruction.curved.elements import ROUNDING, Elements, elements_of, normals_azimuth
 from erm.reconstruction.curved.fit import CylinderFit, compared, compared_with_each, fit_cylinders
+from erm.reconstruction.curved.pairs import (
+    RADII,
+    THINNEST,
+    best_of_each,
+    cylinders_of_elements,
+    is_possible,
+    log_prior,
+    radius_densities,
+)
 from erm.reconstruction.model.fit import CHI_SQUARED_GATE
 from erm.reconstruction.model.loss import log_odds_of_loss
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
@@ -20,13 +30,6 @@ from erm.reconstruction.poles.evidence import ClutterDensity
 from erm.reconstruction.search.false_alarm import log_probability_of_view
 from erm.reconstruction.search.refine_groups import best_of_each_link
 
-PRIOR_DENSITY = 1e-3
-"""Prior density of cylinders [1/m2]: one in a square of 30 m, as of poles. Chosen; not derived."""
-RADII = (0.05, 300.0)
-"""Radii that are considered [m], equally likely per octave: from a lamp post to a facade that bends by a degree in 5 m.
-Chosen; not derived."""
-THINNEST = float(np.nextafter(RADII[0], RADII[1]))
-"""Radius of a pole that comes out thinner [m]."""
 MIN_PATHS = 4
 """Fewest links of a cylinder: two paths have four values for its three parameters, the third and fourth confirm."""
 MAX_SEEDS = 600
@@ -81,6 +84,7 @@ class CylinderSearch:
         self.elements = elements_of(paths)
         self.normal = normals_azimuth(self.elements)
         self.tree = cKDTree(self.elements.point)
+        self._near = NearElements(self.elements)
         self._place = np.cumsum(background) - 1
         self._background = background
         self._density = ClutterDensity(paths.take(background), self.elements.point[background])
@@ -156,13 +160,13 @@ class CylinderSearch:
                 continue
             # prior to the measurement every octave of radius is equally likely, convex or concave
             octave = np.floor(np.log2(np.abs(radius[at, one])))
-            at, one = (index[_best_of_each(density[at, one], octave, radius[at, one] > 0, at)] for index in (at, one))
+            at, one = (index[best_of_each(density[at, one], octave, radius[at, one] > 0, at)] for index in (at, one))
             both = np.stack([own[at], rows[at, one]], axis=-1)
             of = np.repeat(np.arange(len(at)), 2)
             parameters, covariance = cylinders_of_elements(self.elements.take(both.ravel()), of, radius[at, one])
             score = self._best_of_links(parameters, covariance, rows[at]) + log_prior(parameters[:, 2])
-            score[~_is_possible(parameters[:, 2])] = -np.inf
-            best = _best_of_each(score, parameters[:, 2] > 0, at)
+            score[~is_possible(parameters[:, 2])] = -np.inf
+            best = best_of_each(score, parameters[:, 2] > 0, at)
             best = best[score[best] > TWENTY_TO_ONE]
             found.append((score[best], parameters[best], covariance[best]))
         if not found:
@@ -174,7 +178,7 @@ class CylinderSearch:
     def _best_of_links(self, parameters: FloatArray, covariance: FloatArray, rows: IntArray) -> FloatArray:
         """Sum (cylinder,) of the log odds, where positive, of the best one of rows (cylinder, n) of each link."""
         own = self.elements.take(rows)
-        odds = np.maximum(predictive_log_odds(own, parameters, covariance), 0.0)
+        odds = np.maximum(predictive_log_odds(own, parameters[:, None], covariance[:, None]), 0.0)
         best = np.zeros((len(rows), int(self.elements.link.max()) + 1))
         np.maximum.at(best, (np.arange(len(rows))[:, None], own.link), odds)
         return np.asarray(best.sum(axis=-1))
@@ -206,7 +210,7 @@ class CylinderSearch:
             parameters, covariance = fit(inliers, parameters[kept])
             # a pole so thin that its radius is 0 within its error may come out thinner than any
             parameters[np.abs(parameters[:, 2]) <= RADII[0], 2] = THINNEST
-            possible = _is_possible(parameters[:, 2])
+            possible = is_possible(parameters[:, 2])
             parameters, covariance = parameters[possible], covariance[possible]
             before = list(compress(left, possible))
         best = sorted(done.values(), key=lambda one: -one[0])
@@ -222,19 +226,19 @@ class CylinderSearch:
         self, parameters: FloatArray, covariance: FloatArray, free: IntArray | None
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Pairs (pair,) of cylinders and free paths that agree, the best of each link, and their log odds."""
-        free = np.arange(len(self.paths)) if free is None else free
-        elements = self.elements.take(free)
+        allowed = None if free is None else np.isin(np.arange(len(self.paths)), free)
         parts = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))]
         for first in range(0, len(parameters), BATCH):
             some = slice(first, first + BATCH)
-            of, rows = _near(elements, parameters[some], covariance[some])
-            pairs = elements.take(rows[:, None]), parameters[some][of], covariance[some][of]
-            chi2, width = (column[:, 0] for column in centre_misfit(*pairs))
-            inside = chi2 < CHI_SQUARED_GATE
-            of, rows, chi2, width = of[inside], rows[inside], chi2[inside], width[inside]
-            best = best_of_each_link(of, elements.link[rows], rows, chi2)
-            odds = -chi2 / 2 - np.log(2 * np.pi) - width - elements.log_clutter[rows]
-            parts.append((of[best] + first, free[rows[best]], odds[best]))
+            of, rows = self._near.of(parameters[some], covariance[some])
+            if allowed is not None:
+                of, rows = of[allowed[rows]], rows[allowed[rows]]
+            own = self.elements.take(rows)
+            chi2, width = centre_misfit(own, parameters[some][of], covariance[some][of])
+            inside = np.flatnonzero(chi2 < CHI_SQUARED_GATE)
+            best = inside[best_of_each_link(of[inside], own.link[inside], rows[inside], chi2[inside])]
+            odds = -chi2[best] / 2 - np.log(2 * np.pi) - width[best] - own.log_clutter[best]
+            parts.append((of[best] + first, rows[best], odds))
         of, rows, odds = (np.concatenate(part) for part in zip(*parts, strict=True))
         return of, rows, odds
 
@@ -265,128 +269,3 @@ class CylinderSearch:
         without = self._place[inliers[self._background[inliers]]]
         density = self._density.at(own.point, [without] * len(inliers))
         return np.log(density * np.maximum(np.abs(own.turned[:, 0]), ROUNDING))
-
-
-def path_log_odds(chi_squared: FloatArray, own: Elements) -> FloatArray:
-    """Log odds (path,) of lengths and azimuths to be off a face that they agree with so well, and not clutter."""
-    return np.asarray(-chi_squared / 2 - np.log(2 * np.pi) - own.log_clutter)
-
-
-def pair_radii(first: Elements, second: Elements) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Radii (pair,) of the cylinders through pairs of elements, their variances, and chi-squared with one freedom.
-
-    Two elements are four equations ``c + a n = p`` for three unknowns: ``dp = a dn`` is left if the centre is
-    eliminated. Its weights are those of ``a = dp.dn / |dn|**2``.
-    """
-    dp, dn = first.point - second.point, first.normal - second.normal
-    with np.errstate(divide="ignore", invalid="ignore"):
-        start = np.sum(dp * dn, axis=-1) / np.sum(dn * dn, axis=-1)
-        start = np.where(_is_possible(start), start, 1.0)
-        spread = [a + b for a, b in zip(first.centre_covariance(start), second.centre_covariance(start), strict=True)]
-        weight = 1 / _quadratic(spread, dn, dn)
-        radius = weight * _quadratic(spread, dp, dn)
-    return radius, weight, _quadratic(spread, dp, dp) - radius**2 / weight
-
-
-def radius_densities(seeds: Elements, partners: Elements) -> tuple[FloatArray, FloatArray]:
-    """Radii (seed, partner) that partners give with a seed, and the relative density of these radii at each of them.
-
-    Partners on the same cylinder give the same radius within their errors. It is 0 where a pair gives none.
-    """
-    radius, variance, chi2 = pair_radii(seeds, partners)
-    usable = (seeds.link != partners.link) & (chi2 < CHI_SQUARED_GATE) & _is_possible(radius) & (variance < radius**2)
-    radius, variance = np.where(usable, radius, np.inf), np.where(usable, variance, 1.0)
-    density = np.zeros(radius.shape)
-    order = np.argsort(~usable, axis=1, kind="stable")[:, : int(usable.sum(axis=1).max(initial=0))]
-    own, width = (np.take_along_axis(column, order, axis=1) for column in (radius, variance))
-    both = width[:, :, None] + width[:, None, :]
-    with np.errstate(invalid="ignore"):
-        near = np.exp(-((own[:, :, None] - own[:, None, :]) ** 2) / (2 * both)) / np.sqrt(both)
-        together = np.abs(own) * np.nansum(near, axis=-1)
-    np.put_along_axis(density, order, np.where(np.isfinite(own), together, 0.0), axis=1)
-    return radius, density
-
-
-def _best_of_each(score: FloatArray, *keys: np.ndarray) -> IntArray:
-    """Index (n,) of the highest score (n,) among those with the same keys, ordered by the last key."""
-    order = np.lexsort((-score, *keys))
-    return order[np.r_[True, np.any([np.diff(key[order].astype(float)) != 0 for key in keys], axis=0)]]
-
-
-def _is_possible(radius: FloatArray | float) -> Any:
-    """Whether radii (...) are considered."""
-    return (np.abs(radius) > RADII[0]) & (np.abs(radius) < RADII[1])
-
-
-def _quadratic(spread: Sequence[FloatArray], one: FloatArray, other: FloatArray) -> FloatArray:
-    """``one' V**-1 other`` (...) of vectors (..., 2) and covariances (east, both, north)."""
-    a, b, d = spread
-    (u, v), (x, y) = np.moveaxis(one, -1, 0), np.moveaxis(other, -1, 0)
-    return np.asarray((u * x * d - (u * y + v * x) * b + v * y * a) / (a * d - b * b))
-
-
-def cylinders_of_elements(own: Elements, of: IntArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weighted least squares of ``c + a n = p``: cylinders (cylinder, 3) and covariances (cylinder, 3, 3).
-
-    Parameters
-    ----------
-    own : Elements
-    of : array (path,) of int
-        Number of the cylinder of each, ascending.
-    radius : array (cylinder,)
-        Of which the weights are.
-    """
-    a, b, d = own.centre_covariance(radius[of])
-    weight = np.stack([d, -b, -b, a], axis=-1).reshape(-1, 2, 2) / (a * d - b * b)[:, None, None]
-    design = np.concatenate([np.broadcast_to(np.eye(2), weight.shape), own.normal[:, :, None]], axis=-1)
-    weighted = design.swapaxes(-1, -2) @ weight
-    starts = np.searchsorted(of, np.arange(len(radius)))
-    covariance = np.linalg.pinv(np.add.reduceat(weighted @ design, starts), hermitian=True)
-    moment = np.add.reduceat(weighted @ own.point[:, :, None], starts)
-    return (covariance @ moment)[:, :, 0], covariance
-
-
-def centre_misfit(own: Elements, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Chi-squared (..., path) of elements (path,) or (..., path) against cylinders (..., 3) with their errors.
-
-    Also ``log sqrt|V| - log |D|`` (..., path): ``V`` is the covariance of ``p - a n - c`` and ``|D|`` turns its density
-    into one of length and azimuth.
-    """
-    east, north, radius = (parameters[..., i, None] for i in range(3))
-    c = covariance[..., None]
-    x, y = own.normal[..., 0], own.normal[..., 1]
-    a, b, d = own.centre_covariance(np.broadcast_to(radius, np.broadcast_shapes(radius.shape, x.shape)))
-    a = a + c[..., 0, 0, :] + x * (2 * c[..., 0, 2, :] + x * c[..., 2, 2, :])
-    b = b + c[..., 0, 1, :] + x * c[..., 1, 2, :] + y * (c[..., 0, 2, :] + x * c[..., 2, 2, :])
-    d = d + c[..., 1, 1, :] + y * (2 * c[..., 1, 2, :] + y * c[..., 2, 2, :])
-    determinant = np.maximum(a * d - b * b, ROUNDING**2)
-    east = own.point[..., 0] - east - radius * x
-    north = own.point[..., 1] - north - radius * y
-    chi2 = (east * east * d - 2 * east * north * b + north * north * a) / determinant
-    turned = np.abs(own.turned[..., 0] + radius * own.turned[..., 1])
-    return chi2, np.log(determinant) / 2 - np.log(np.maximum(turned, ROUNDING))
-
-
-def _near(own: Elements, parameters: FloatArray, covariance: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs (pair,) of cylinders (cylinder, 3) and elements (path,) that may be in the gate of `centre_misfit`.
-
-    No eigenvalue of ``V`` exceeds its trace: ``d' V**-1 d >= |d|**2 / tr V``.
-    """
-    radius, c = parameters[:, 2, None], covariance
-    away = sum((own.point[:, i] - parameters[:, i, None] - radius * own.normal[:, i]) ** 2 for i in range(2))
-    constant, linear, square = (own.spread[:, :, 0] + own.spread[:, :, 2]).T
-    trace = constant + radius * (linear + radius * square) + 2 * c[:, :2, 2] @ own.normal.T
-    trace += np.trace(c, axis1=1, axis2=2)[:, None] + 2 * ROUNDING
-    of, rows = np.nonzero(away < CHI_SQUARED_GATE * trace)
-    return of, rows
-
-
-def predictive_log_odds(own: Elements, parameters: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Log odds (..., path) of elements to be off cylinders that are known so well, and not clutter."""
-    chi2, width = centre_misfit(own, parameters, covariance)
-    return np.asarray(-chi2 / 2 - np.log(2 * np.pi) - width - own.log_clutter)
-
-
-def log_prior(radius: Any) -> Any:
-    """Log prior density (...) of cylinders of radii (...) [1/m3]."""
-    return np.log(PRIOR_DENSITY / (2 * np.abs(radius) * np.log(RADII[1] / RADII[0])))
