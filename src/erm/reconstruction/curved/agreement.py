@@ -1,5 +1,7 @@
 """Elements that agree with cylinders, found in groups of elements that are alike in place and normal."""
 
+from typing import Any
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -29,7 +31,8 @@ class NearElements:
     def __init__(self, elements: Elements) -> None:
         self.elements = elements
         tree = cKDTree(np.hstack([elements.point, RADIUS_OF_GROUPS * elements.normal]), leafsize=ELEMENTS_TOGETHER)
-        groups, nodes = [], [tree.tree] if len(elements.point) else []
+        groups: list[IntArray] = []
+        nodes: list[Any] = [tree.tree] if len(elements.point) else []
         while nodes:
             node = nodes.pop()
             if node.split_dim < 0:
