@@ -64,7 +64,7 @@ def test_paths_that_lose_less_than_the_scene_are_no_likelier_off_a_wall():
     rx = route()
     tx = np.tile(TX[0], (len(rx), 1))
     usual, strong = wall_of(bounces(tx, rx, WALLS[0]), loss=8.0), wall_of(bounces(tx[:4], rx[:4], WALLS[1]), loss=-8.0)
-    none = KnownCurved(np.array([]), lambda paths, lines: np.zeros(len(paths), dtype=bool))
+    none = KnownCurved(np.array([]), lambda paths, lines: (np.empty(0, int), np.empty(0, int)))
     alike = replace(strong, all_paths=replace(strong.all_paths, loss=usual.paths.loss[:4]))
     one, other = (Candidates([usual, wall], [], Legs(*np.empty((2, 0, 3))), 15.0, none) for wall in (strong, alike))
     assert one.log_odds(1) <= other.log_odds(1) + 0.5
