@@ -301,7 +301,8 @@ def _impossible_errors(
     problems = []
     for name, most in LARGEST_STD.items():
         stated = given.get(name, np.empty(0))
-        least = most * np.finfo(float).eps  # the rounding of a value; squares of far less are zero
+        # a weight that others of a nanosecond, a degree or a dB are lost beside
+        least = np.sqrt(np.finfo(float).eps) * (1e-9 if name == "delay_std" else 1.0)
         odd = {
             "not positive": stated <= 0,
             f"below {least:.0e}": (stated > 0) & (stated < least),

@@ -342,7 +342,7 @@ def _converged(
         std = _survey_std(moved, solution, free)
         scale = _scales(state, solution, value, parts, errors_known=errors_known)
         change = np.abs(np.log(np.r_[scale / state.scale, std[free] / state.std[free]])).max()
-        size = np.abs(solution.shared) / np.sqrt(np.diag(solution.shared_covariance))
+        size = np.abs(solution.shared) / np.sqrt(np.maximum(np.diag(solution.shared_covariance), np.finfo(float).tiny))
         step = max(size.max(initial=0.0), np.abs(solution.block).max(initial=0.0))
         state = replace(moved, std=std, scale=scale)
         if max(change, step) < STEP_TOLERANCE:
@@ -361,7 +361,7 @@ def _survey_std(state: _State, solution: Solution, free: BoolArray) -> FloatArra
     std = state.std.copy()
     for number in np.flatnonzero(free).tolist():
         group = GROUPS[number]
-        shown = np.maximum(1 - posterior[:, group].ravel(), EPSILON)
+        shown = np.clip(1 - posterior[:, group].ravel(), EPSILON, 1.0)  # a variance may be rounded to below zero
         variance = std[number] ** 2 * (1 - shown) / shown
         error = state.own[:, group].ravel() / shown
         tried = (TRIED * FIRST_STD[number]) ** 2

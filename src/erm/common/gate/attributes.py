@@ -20,12 +20,17 @@ class Attributes(Mapping[str, Any]):
         self._read: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
+        from h5py import h5t
+
         if name not in self._read:
             if name not in self:
                 raise KeyError(name)
             with refused(self._path, f"attribute {name}: "):
                 attribute = self._node.get_id(name)
-                length = prod(attribute.shape) * attribute.get_type().get_size()
+                kind = attribute.get_type()
+                if kind.get_class() == h5t.VLEN:  # a text has a class of its own; HDF5 may crash on damaged lists
+                    raise DataError(f"{self._path}: attribute {name} is a list; expected a text or numbers")
+                length = prod(attribute.shape) * kind.get_size()
                 if length > MAX_TEXT:
                     raise DataError(f"{self._path}: attribute {name} has {limits.size(length)}; expected less")
                 self._read[name] = _decoded(self._node[name])

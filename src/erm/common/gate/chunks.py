@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     import h5py
 
 
+TEXT = 16
+"""Length [byte] of what a dataset holds of a text of any length: its length, its heap, its number there."""
+
+
 class Chunk(NamedTuple):
     """Place and length of a chunk in the file [byte], and the filters that were left out (one bit each)."""
 
@@ -51,7 +55,7 @@ class Chunks:
         plist = node.id.get_create_plist()
         self._filters = [plist.get_filter(i) for i in range(plist.get_nfilters())]
         self._shape = plist.get_chunk()
-        self._whole = prod(self._shape) * int(node.id.get_type().get_size())
+        self._whole = prod(self._shape) * _stored_size(node.id.get_type())
         self.stored = dict(_listed(node.id))
         size = path.stat().st_size
         lengths = {without: self._lengths(without) for without in {chunk.without for chunk in self.stored.values()}}
@@ -133,6 +137,14 @@ class Chunks:
         return DataError(
             f"{self.path}: damaged HDF5 file ({self.name}: the chunk at {place} {what}); make or copy it again"
         )
+
+
+def _stored_size(kind: "h5py.h5t.TypeID") -> int:
+    """Length of an element in the file [byte]: of a text of any length, that of what says where it is."""
+    import h5py
+
+    text = isinstance(kind, h5py.h5t.TypeStringID) and kind.is_variable_str()
+    return TEXT if text or kind.get_class() == h5py.h5t.VLEN else int(kind.get_size())
 
 
 def _listed(dataset: Any) -> Iterator[tuple[tuple[int, ...], Chunk]]:

@@ -20,7 +20,7 @@ from erm.common.gate.chunks import Chunks
 from erm.common.gate.damage import refused
 from erm.common.gate.files import require_file
 from erm.common.gate.hdf5_rules import COPY, require_filters, require_hard, require_space, selected
-from erm.common.gate.heaps import require_heaps
+from erm.common.gate.heaps import require_heaps, require_lengths
 from erm.common.printable import printable
 
 if TYPE_CHECKING:
@@ -126,6 +126,7 @@ class Dataset:
         with refused(self.path, f"{self.name}: "):
             if (chunks := self._chunks) is not None:
                 chunks.require(selection)
+            require_lengths(self.path, self.name, self.node)
 
     @cached_property
     def is_scale(self) -> bool:

@@ -16,10 +16,14 @@ import struct
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from erm.common.errors import DataError
+from erm.common.gate.chunks import TEXT
 from erm.common.gate.nesting import MAX_DEPTH
+
+if TYPE_CHECKING:
+    import h5py
 
 BEGINNING = b"GCOL\1\0\0\0"
 OBJECT = struct.Struct("<H6xQ")
@@ -90,6 +94,35 @@ def _large_data(path: str, size: int) -> list[tuple[int, int]]:
     except (OSError, RuntimeError, ValueError, KeyError):
         return []  # opening the file says why
     return sorted(found)
+
+
+def require_lengths(path: Path, name: str, node: "h5py.Dataset") -> None:
+    """Refuse texts that are said to be longer than their file: HDF5 takes the memory before it looks for them.
+
+    Raises
+    ------
+    DataError
+        There is such a text.
+    """
+    import h5py
+    import numpy as np
+
+    text, plist = h5py.check_string_dtype(node.dtype), node.id.get_create_plist()
+    if text is None or text.length is not None or plist.get_nfilters():
+        return
+    pieces = [(node.id.get_offset(), node.id.get_storage_size())]
+    if plist.get_layout() == h5py.h5d.CHUNKED:
+        infos = [node.id.get_chunk_info(number) for number in range(node.id.get_num_chunks())]
+        pieces = [(info.byte_offset, info.size) for info in infos]
+    size = path.stat().st_size
+    with open(path, "rb") as file:
+        for place, length in pieces:
+            if place is None:
+                continue
+            file.seek(place)
+            stored = np.frombuffer(file.read(min(length, size) // TEXT * TEXT), "<u4")
+            if (longest := int(stored[:: TEXT // stored.itemsize].max(initial=0))) > size:  # the length comes first
+                raise DataError(f"{path}: damaged HDF5 file ({name}: a text of {longest} bytes); make or copy it again")
 
 
 def _heaps(file: BinaryIO, begin: int, end: int) -> Iterator[int]:

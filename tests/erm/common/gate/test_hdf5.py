@@ -193,3 +193,28 @@ def test_whole_chunks_are_read_whatever_packs_them(tmp_path, options):
         held = file["x"]
         for chosen in (slice(2, 5), (slice(None, None, 2), -1), (6, slice(1, 8, 3)), ..., [1, 4], slice(5, 2)):
             assert held[chosen].tolist() == values[chosen].tolist()
+
+
+@pytest.mark.parametrize("chunks", [None, (2,)])
+def test_texts_longer_than_their_file_are_refused_before_memory_is_taken(tmp_path, chunks):
+    path = tmp_path / "t.h5"
+    names = ["street", "square", "hall"]
+    with h5py.File(path, "w") as file:
+        made = file.create_dataset("x", data=names, chunks=chunks)
+        place = made.id.get_offset() if chunks is None else made.id.get_chunk_info(0).byte_offset
+    with open_hdf5(path) as file:
+        assert file["x"].texts() == names
+    with open(path, "r+b") as file:
+        file.seek(place + 16 + 3)  # highest byte of the length of the second text
+        file.write(b"\xf0")
+    with open_hdf5(path) as file, pytest.raises(DataError, match=f"x: a text of {0xF0 * 2**24 + 6} bytes"):
+        file["x"].texts()
+
+
+def test_an_attribute_of_lists_is_refused_without_reading_it(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        lists = np.empty(1, object)
+        lists[0] = np.arange(3, dtype="u1")
+        file.attrs.create("units", lists, dtype=h5py.vlen_dtype("u1"))
+    with open_hdf5(tmp_path / "a.h5") as file, pytest.raises(DataError, match="attribute units is a list"):
+        file.attrs["units"]
