@@ -12,8 +12,7 @@ import shapely
 
 from erm.common.odds import TWENTY_TO_ONE
 from erm.mpcs.reasons import Reason
-from erm.mpcs.selection import ELEVATION_TOLERANCE
-from erm.mpcs.standard_errors import SIGMAS
+from erm.mpcs.selection import ELEVATION_STD
 from erm.reconstruction.decision.conflicts import Conflicts
 from erm.reconstruction.decision.corners import corner_pairs
 from erm.reconstruction.decision.duplicates import merge_duplicates
@@ -127,6 +126,7 @@ class Candidates:
         self._excess = [excess_loss(wall, typical) for wall in walls]
         self._angle_range = [_angle_range(wall) for wall in walls]
         self._arrival = _arrivals(walls)
+        self._elevation = [_log_odds_of_elevation(wall) for wall in walls]
         alone = [self.log_odds(i) for i in range(len(walls))]
         # obstruction by others never raises the log odds, so candidates below 0 alone stay below
         self._conflicts = Conflicts(walls, lines_of_sight, np.array(alone, dtype=float) >= 0)
@@ -139,9 +139,6 @@ class Candidates:
 
         Of two candidates that obstruct each other the one with the higher log odds is kept.
         """
-        mean, error = self.walls[wall].mean_elevation_excess
-        if np.isfinite(error) and abs(mean) > ELEVATION_TOLERANCE + SIGMAS * error:
-            return Reason.MEAN_ELEVATION
         others = accepted.copy()
         others[wall] = False
         stronger = others & (self.rank < self.rank[wall])
@@ -149,7 +146,7 @@ class Candidates:
             return Reason.MULTIPLE_REFLECTION
         log_odds = self._log_odds_beside(wall, stronger)
         if log_odds < 0:
-            return Reason.IMPLAUSIBLE
+            return Reason.IMPLAUSIBLE if log_odds < self._elevation[wall] else Reason.MEAN_ELEVATION
         if log_odds + PER_OPENING * (self._conflicts.openings(wall, stronger) + self._curved_openings[wall]) < 0:
             return Reason.OBSTRUCTION
         key = (wall, others.tobytes())
@@ -174,7 +171,7 @@ class Candidates:
         A chain of reflections loses more than a wall. It is received in fewer places and over a smaller range of
         angles, for it must meet all of its walls, and it arrives after the paths off these walls. What loses less than
         the walls of the scene is no more a wall than these: its gains are wrong, as those of a path from below the
-        fan that is taken to be off a vertical face.
+        fan that is taken to be off a vertical face. Chains off floors and ceilings arrive at other elevations.
         """
         # the log odds of two Gaussians of equal width fall by this factor if an error widens both
         factor = EXCESS_LOSS_SCATTER**2 / (EXCESS_LOSS_SCATTER**2 + self._loss_error[wall] ** 2)
@@ -183,6 +180,7 @@ class Candidates:
             + PER_DECIBEL * (NEUTRAL_EXCESS_LOSS + factor * (max(self._excess[wall], 0.0) - NEUTRAL_EXCESS_LOSS))
             + PER_DEGREE * min(self._angle_range[wall], MAX_ANGLE_RANGE)
             + PER_DOUBLED_ARRIVAL * self._arrival[wall]
+            + self._elevation[wall]
         )
 
 
@@ -270,6 +268,15 @@ def _angle_range(wall: Wall) -> float:
     angle = np.sort(np.rad2deg(np.arccos(wall.cos_incidence)))
     strays = max(1, int(STRAY_SHARE * len(angle)))
     return float((angle[len(angle) - 1 - strays :] - angle[: strays + 1]).min())
+
+
+def _log_odds_of_elevation(wall: Wall) -> float:
+    """Log odds of the mean elevation to be that of a vertical wall, at most 0: chains off vertical walls have the same.
+
+    The errors of elevations common to all paths, `ELEVATION_STD`, are not averaged.
+    """
+    mean, error = wall.mean_elevation_excess
+    return -(mean**2) / (2 * (error**2 + ELEVATION_STD**2))
 
 
 def _arrivals(walls: Sequence[Wall]) -> list[float]:
