@@ -15,6 +15,7 @@ Jansen et al., "Diffuse scattering from rough surfaces in THz communication chan
 at other frequencies.
 """
 
+from cmath import isfinite as cisfinite
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite, nan, pi
@@ -72,8 +73,10 @@ class Material:
 
     def __post_init__(self) -> None:
         n = self.refractive_index
-        if n is not None and not (n.real > 0 and n.imag <= 0):
-            raise DataError(f"material {self.name}: refractive index {n}; write it as n' - j n'', a loss is negative")
+        if n is not None and not (n.real > 0 and n.imag <= 0 and cisfinite(n * n)):
+            raise DataError(
+                f"material {self.name}: refractive index {n}; write it as n' - j n'', both finite, a loss is negative"
+            )
         if n is None and not (self.permittivity[0] > 0 and self.conductivity[0] >= 0):
             raise DataError(f"material {self.name}: permittivity must be positive, conductivity not negative")
         if not (isfinite(self.height_deviation) and self.height_deviation >= 0):

@@ -69,6 +69,7 @@ def test_a_material_survives_json(name):
     ("values", "complaint"),
     [
         ({"name": "gain", "refractive_index": [1.5, 0.1]}, "a loss is negative"),
+        ({"name": "dense", "refractive_index": [1e200, 0.0]}, "both finite"),
         ({"name": "nothing", "permittivity": [0, 0]}, "must be positive"),
         ({"name": "bumpy", "height_deviation": -1e-3}, "height deviation"),
         ({"name": "odd", "colour": "red"}, "colour"),
