@@ -98,8 +98,16 @@ def _common_images(images: Images, seed: IntArray, partner: IntArray) -> FloatAr
         by_azimuth = left * (1 / horizontal / np.deg2rad(paths.azimuth_std[pair]))[..., None]
         normal = outer(by_length).sum(axis=1) + outer(by_azimuth).sum(axis=1)
         gradient = (by_length * length[..., None] + by_azimuth * azimuth[..., None]).sum(axis=1)
-        place = place + np.linalg.solve(normal, gradient[..., None])[..., 0]
+        place = place + _solved(normal, gradient)
     return place
+
+
+def _solved(normal: FloatArray, gradient: FloatArray) -> FloatArray:
+    """Steps (pair, 2) of least squares; the shortest ones where a place has gone so far that azimuths say nothing."""
+    try:
+        return np.asarray(np.linalg.solve(normal, gradient[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        return np.asarray((np.linalg.pinv(normal, hermitian=True) @ gradient[..., None])[..., 0])
 
 
 def _lines_of_images(paths: Paths, seed: IntArray, partner: IntArray, image: FloatArray) -> Lines:
