@@ -297,17 +297,20 @@ def _number(text: str, blank_allowed: bool) -> float:
 def _impossible_errors(
     table: "xr.Dataset", given: Mapping[str, npt.NDArray[np.float64]], path: Path | str, lines: Sequence[int] | None
 ) -> list[str]:
-    """Make standard deviations unknown that are too small or too large; one line for each column that has any."""
+    """Make standard deviations and slopes unknown that none can be; one line for each column that has any."""
     problems = []
-    for name, most in LARGEST_STD.items():
+    most_gain = LARGEST_STD["path_gain_std"]
+    for name, most in {**LARGEST_STD, "gain_slope": most_gain, "gain_curvature": most_gain}.items():
         stated = given.get(name, np.empty(0))
-        # a weight that others of a nanosecond, a degree or a dB are lost beside
-        least = np.sqrt(np.finfo(float).eps) * (1e-9 if name == "delay_std" else 1.0)
-        odd = {
-            "not positive": stated <= 0,
-            f"below {least:.0e}": (stated > 0) & (stated < least),
-            f"above {most:g}": stated > most,
-        }
+        odd = {f"beyond {most:g}": np.abs(stated) > most}
+        if name in LARGEST_STD:
+            # a weight that others of a nanosecond, a degree or a dB are lost beside
+            least = np.sqrt(np.finfo(float).eps) * (1e-9 if name == "delay_std" else 1.0)
+            odd = {
+                "not positive": stated <= 0,
+                f"below {least:.0e}": (stated > 0) & (stated < least),
+                f"above {most:g}": stated > most,
+            }
         for what, wrong in odd.items():
             if wrong.any():
                 table[name].values[wrong] = np.nan

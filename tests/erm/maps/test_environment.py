@@ -135,6 +135,7 @@ def test_a_csv_needs_end_points_alone(tmp_path):
         ("a.geojson", '{"type": "FeatureCollection", "features": [], "materials": ["x"]}', "malformed"),
         ("a.csv", "", "empty"),
         ("a.csv", "first_east,first_north,second_east,second_north,normal\n0,0,1,0,inf\n", "column normal"),
+        ("a.csv", "first_east,first_north,second_east,second_north,support\n0,0,1,0,1e308\n", "a number of paths"),
         ("a.csv", "kind\nwall\n", "no column first_east"),
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1\n", "line 2 has 3 cells"),
         ("a.csv", "first_east,first_north,second_east,second_north\n0,0,1,x\n", "column second_north"),

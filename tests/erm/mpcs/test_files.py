@@ -233,6 +233,13 @@ def test_a_standard_deviation_that_cannot_be_one_is_unknown_and_reported(tmp_pat
     ]
 
 
+def test_a_slope_that_no_pattern_has_is_unknown_and_reported(tmp_path: Path):
+    rows = [f"{GOOD},-0.05", f"{GOOD},1e308"]
+    table, [problem] = read_csv(lines(tmp_path / "t.csv", *rows, header=f"{HEADER},gain_slope"))
+    assert np.isnan(table["gain_slope"].values).tolist() == [False, True]
+    assert "gain_slope is beyond 1000 in 1 of 2 rows (first: line 3)" in problem
+
+
 def test_a_table_of_a_spreadsheet_is_the_same_table(tmp_path: Path):
     plain, _ = read_csv(lines(tmp_path / "t.csv", GOOD))
     european = [line.replace(",", ";").replace(".", ",") for line in (HEADER.upper(), GOOD)]

@@ -140,11 +140,18 @@ class Chunks:
 
 
 def _stored_size(kind: "h5py.h5t.TypeID") -> int:
-    """Length of an element in the file [byte]: of a text of any length, that of what says where it is."""
-    import h5py
+    """Length of an element in the file [byte]. HDF5 tells that in memory, where a text is longer or shorter."""
+    from h5py import h5t
 
-    text = isinstance(kind, h5py.h5t.TypeStringID) and kind.is_variable_str()
-    return TEXT if text or kind.get_class() == h5py.h5t.VLEN else int(kind.get_size())
+    code = kind.get_class()
+    if code == h5t.VLEN or (isinstance(kind, h5t.TypeStringID) and kind.is_variable_str()):
+        return TEXT
+    if isinstance(kind, h5t.TypeArrayID):
+        return prod(kind.get_array_dims()) * _stored_size(kind.get_super())
+    if isinstance(kind, h5t.TypeCompoundID):
+        members = [kind.get_member_type(number) for number in range(kind.get_nmembers())]
+        return int(kind.get_size()) + sum(_stored_size(member) - int(member.get_size()) for member in members)
+    return int(kind.get_size())
 
 
 def _listed(dataset: Any) -> Iterator[tuple[tuple[int, ...], Chunk]]:

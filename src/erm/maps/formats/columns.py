@@ -82,7 +82,7 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
         ends,
         centre=np.stack([number(columns, name, count) for name in CENTRE], axis=-1),
         **matrices,
-        support=number(columns, "support", count).astype(np.int64),
+        support=_counts(columns, "support", count),
         **numbers,
         **words,
     )
@@ -106,6 +106,14 @@ def _words(cells: Any, name: str) -> np.ndarray:
     if any(isinstance(cell, (list, dict)) for cell in cells):
         raise DataError(f"{name} holds lists; expected a word for each reflector")
     return np.asarray(cells, dtype=str)
+
+
+def _counts(columns: Columns, name: str, count: int) -> np.ndarray:
+    values = number(columns, name, count)
+    if not (np.abs(values) <= np.iinfo(np.int32).max).all():
+        row = int(np.argmin(np.abs(values) <= np.iinfo(np.int32).max))
+        raise DataError(f"column {name} is {values[row]:g} in row {row + 1}; expected a number of paths")
+    return values.astype(np.int64)
 
 
 def number(columns: Columns, name: str, count: int) -> np.ndarray:

@@ -218,3 +218,13 @@ def test_an_attribute_of_lists_is_refused_without_reading_it(tmp_path):
         file.attrs.create("units", lists, dtype=h5py.vlen_dtype("u1"))
     with open_hdf5(tmp_path / "a.h5") as file, pytest.raises(DataError, match="attribute units is a list"):
         file.attrs["units"]
+
+
+@pytest.mark.parametrize("options", [{}, {"compression": "gzip"}])
+def test_chunks_of_tables_with_texts_are_whole(tmp_path, options):
+    kind = np.dtype([("name", h5py.string_dtype()), ("place", "f8", 3), ("also", h5py.string_dtype(), 2)])
+    rows = np.array([("street", 1.0, "a"), ("hall", 2.0, "b"), ("x", 3.0, "c")], kind)
+    with h5py.File(tmp_path / "t.h5", "w") as file:
+        file.create_dataset("x", data=rows, chunks=(2,), **options)
+    with open_hdf5(tmp_path / "t.h5") as file:
+        assert file["x"][()]["name"].tolist() == [b"street", b"hall", b"x"]
