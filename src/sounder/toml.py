@@ -23,6 +23,10 @@ from erm.common.usage import invalid_value, shortened
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+MOST_DECIBELS = 1000.0
+"""Largest level that is taken [dB], either way: products of three such powers are still floating-point numbers."""
+Decibels = Annotated[float, Field(ge=-MOST_DECIBELS, le=MOST_DECIBELS)]
+NotNegativeDecibels = Annotated[float, Field(ge=0, le=MOST_DECIBELS)]
 
 
 def _beside(path: Path, info: ValidationInfo) -> Path:

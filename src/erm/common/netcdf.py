@@ -12,6 +12,7 @@ References
 The NetCDF-4 file format, Unidata, appendix "NetCDF-4 File Format Specification"; HDF5 Dimension Scale Specification.
 """
 
+from collections.abc import Mapping
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -89,8 +90,11 @@ def read_group(group: Group) -> "xr.Dataset":
     import xarray as xr
 
     members = {name: member for name, member in group.items() if isinstance(member, Dataset) and not member.empty}
+    dimensions = _dimensions(members)
     ordered = sorted(members, key=lambda name: members[name].is_scale)  # coordinates last, as netCDF lists them
-    variables = {name: _read(name, members[name]) for name in ordered if not _is_bare_dimension(members[name])}
+    variables = {
+        name: _read(members[name], dimensions[name]) for name in ordered if not _is_bare_dimension(members[name])
+    }
     attributes = {name: _single(value) for name, value in group.attrs.items() if name not in STRUCTURE}
     with np.errstate(over="ignore", invalid="ignore"):  # what comes out is checked where it is used
         return xr.decode_cf(xr.Dataset(variables, attrs=attributes)).load().drop_encoding()
@@ -98,15 +102,16 @@ def read_group(group: Group) -> "xr.Dataset":
 
 def _is_bare_dimension(member: Dataset) -> bool:
     """Whether a scale has a length and no values."""
-    name = member.node.attrs.get("NAME", b"") if member.is_scale else b""
-    return bytes(name).startswith(NO_VARIABLE.partition("%")[0].encode())
+    name = member.attrs.get("NAME") if member.is_scale else None
+    return isinstance(name, str) and name.startswith(NO_VARIABLE.partition("%")[0])
 
 
-def _read(name: str, member: Dataset) -> "xr.Variable":
+def _read(member: Dataset, dimensions: list[str]) -> "xr.Variable":
     import h5py
     import numpy as np
     import xarray as xr
 
+    name = member.name.rpartition("/")[2]
     attributes = {key: _single(member.attrs[key]) for key in member.attrs if key not in STRUCTURE}
     text = h5py.check_string_dtype(member.dtype) is not None
     if not text and member.dtype.kind not in NUMBERS:
@@ -120,24 +125,33 @@ def _read(name: str, member: Dataset) -> "xr.Variable":
                 f"{member.path}: attribute {key} of {name} is {shortened(attributes[key])}; expected one "
                 f"{'text' if text else 'number'}"
             )
-    return xr.Variable(_dimensions(name, member), values, attributes)
+    return xr.Variable(dimensions, values, attributes)
 
 
-def _dimensions(name: str, member: Dataset) -> list[str]:
-    """Names of the axes of a variable."""
+def _dimensions(members: Mapping[str, Dataset]) -> dict[str, list[str]]:
+    """Names of the axes of variables.
+
+    Each scale lists the variables that it belongs to. The variables list their scales too, but in lists of any length,
+    which HDF5 reads for seconds where a length is damaged.
+    """
     import h5py
+    import numpy as np
 
-    if member.is_scale and member.ndim == 1:
-        return [name]
-    scales = member.node.attrs.get("DIMENSION_LIST", [()] * member.ndim)
-    names: list[str] = []
-    seen: list[str] = []
-    for length, references in zip(member.shape, scales, strict=True):
-        place = h5py.h5r.get_name(references[0], member.node.id) if len(references) else b""
-        called = place.decode().rpartition("/")[2] or f"axis_{length}"
-        names.append(f"{called}_{seen.count(called)}" if called in seen else called)
-        seen.append(called)
-    return names
+    attached: dict[tuple[str, int], str] = {}
+    for name, member in members.items():
+        listed = np.atleast_1d(member.attrs.get("REFERENCE_LIST", []) if member.is_scale else [])
+        for reference, axis in listed.tolist() if len(listed.dtype.names or ()) == 2 else ():
+            variable = h5py.h5r.get_name(reference, member.node.id).decode().rpartition("/")[2]
+            attached.setdefault((variable, axis), name)
+    named: dict[str, list[str]] = {}
+    for name, member in members.items():
+        if member.is_scale and member.ndim == 1:
+            named[name] = [name]
+            continue
+        called = [attached.get((name, axis), f"axis_{length}") for axis, length in enumerate(member.shape)]
+        again = [called[:axis].count(one) for axis, one in enumerate(called)]
+        named[name] = [f"{one}_{count}" if count else one for one, count in zip(called, again, strict=True)]
+    return named
 
 
 def _single(value: Any) -> Any:

@@ -28,6 +28,11 @@ if TYPE_CHECKING:
 
 SOFTWARE = f"sounder-to-map {__version__}"
 CONVENTIONS = "CF-1.11"
+FIGURES = {
+    *("frequency", "los", "recorded_directions", "missing_directions", "problem_directions"),
+    *("samples", "independent_samples", "period", "pulse_energy", "rx_antenna_gain"),
+}
+"""Attributes of products that are one finite number each."""
 
 
 def sha256(path: Path | str) -> str:
@@ -152,21 +157,11 @@ def _load_group(file: Group, name: str, expected: str) -> "xr.Dataset":
     require_members(file, name)
     dataset = read_group(found)
     dataset.attrs.pop(MEMBERS, None)  # of this file, not of what is made from it
+    for figure in FIGURES & dataset.attrs.keys():
+        value = dataset.attrs[figure]
+        if not isinstance(value, Real) or not math.isfinite(value):
+            raise DataError(f"{file.path}: attribute {figure} is {shortened(value)}; expected a finite number")
     return dataset
-
-
-def number_in(dataset: "xr.Dataset", name: str, path: Path | str, default: float | None = None) -> float:
-    """Value of an attribute that is a finite number.
-
-    Raises
-    ------
-    DataError
-        There is none and no default, or it is something else.
-    """
-    value = dataset.attrs.get(name, default)
-    if not isinstance(value, Real) or not math.isfinite(value):
-        raise DataError(f"{path}: attribute {name} is {shortened(value)}; expected a finite number")
-    return float(value)
 
 
 def require_axes(dataset: "xr.Dataset", path: Path | str, axes: Mapping[str, tuple[str, ...]]) -> None:

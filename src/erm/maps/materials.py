@@ -24,6 +24,7 @@ from typing import Any
 from scipy.constants import epsilon_0
 
 from erm.common.errors import DataError
+from erm.common.usage import shortened
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ class Material:
     correlation_length: float = nan
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise DataError(f"a material's name is {shortened(self.name)}; expected a text")
         n = self.refractive_index
         if n is not None and not (n.real > 0 and n.imag <= 0 and cisfinite(n * n)):
             raise DataError(

@@ -17,7 +17,7 @@ from erm.common.atomic import atomic_path
 from erm.common.constants import FARTHEST, SAME_PLACE, c
 from erm.common.errors import DataError
 from erm.common.significance import CERTAIN
-from erm.common.storage import number_in, open_group, open_groups
+from erm.common.storage import open_group, open_groups
 from erm.common.text_files import read_table
 from erm.mpcs.standard_errors import UNKNOWN_GAIN_STD
 from erm.mpcs.table import OPTIONAL, VALUES, columns_of_product, empty_table, make_table
@@ -204,7 +204,6 @@ def read_product(
     names = np.atleast_1d(root["position"].values) if "position" in root else np.array([Path(path).stem])
     if len(names) != 1:
         raise DataError(f"{path}: holds {len(names)} positions; expected one per file, as `sounder process` writes")
-    number_in(mpc, "period", path, 0.0)  # a number, if it is there
     columns: dict[str, Any] = dict(columns_of_product(mpc))
     for name, column in columns.items():
         if column.dtype.kind not in "biuf" or column.shape != columns["delay"].shape or column.ndim != 1:
@@ -214,7 +213,7 @@ def read_product(
             raise DataError(f"{path}: {end} is {root[end].dtype} {root[end].shape}; expected three numbers")
     columns |= {end: np.ravel(root[end].values) for end in ("tx_position", "rx_position")}
     columns |= {"position": str(names[0]), "los": line_of_sight(root, path)}
-    table = make_table(columns | {"frequency": number_in(root, "frequency", path)})
+    table = make_table(columns | {"frequency": root.attrs["frequency"]})
     marked = [*str(root.attrs.get("doubts", "")).split(), *doubted]
     doubts = list(dict.fromkeys(name for name in marked if name not in trusted))
     if "path_gain" in doubts:
@@ -232,7 +231,7 @@ def read_product(
 
 def line_of_sight(root: "xr.Dataset", path: Path | str) -> int:
     """Attribute ``los`` of a product: 1 line of sight, 0 none, -1 unknown."""
-    los = number_in(root, "los", path, -1)
+    los = root.attrs.get("los", -1)
     if los not in (-1, 0, 1):
         raise DataError(f"{path}: attribute los is {los:g}; expected 1 (line of sight), 0 (none) or -1 (unknown)")
     return int(los)

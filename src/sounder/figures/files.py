@@ -14,7 +14,8 @@ from matplotlib.projections.polar import PolarAxes
 
 from erm.common.console import drawing, save_figure
 from erm.common.errors import DataError
-from erm.common.storage import number_in, open_groups, require_axes
+from erm.common.storage import open_groups, require_axes
+from erm.mpcs.files import MAX_DELAY
 from sounder.figures import products as figures
 
 KINDS = ("daps_polar", "daps", "pdp")
@@ -123,7 +124,8 @@ def _groups(product: Path, *others: str) -> tuple[Any, ...]:
     scan = ("azimuth", "elevation")
     require_axes(daps, product, {"daps": (*scan, "delay"), "noise_floor": scan, "pdp": ("delay",)})
     require_axes(daps, product, {name: (name,) for name in (*scan, "delay")})
-    number_in(daps, "rx_antenna_gain", product, 0.0)
+    if not (np.abs(daps["delay"].values) <= MAX_DELAY).all():
+        raise DataError(f"{product}: a delay of the DAPS is no number or above 1 ms; process the recording again")
     if not daps["daps"].size or "position" not in root or root["position"].size != 1:
         raise DataError(f"{product}: holds no direction or no position; expected a product of `sounder process`")
     return str(root["position"].values.ravel()[0]), daps, *rest

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sounder.toml import NotNegative, Table
+from sounder.toml import MOST_DECIBELS, Decibels, NotNegative, NotNegativeDecibels, Table
 
 
 class Cut(Table):
@@ -22,17 +22,17 @@ class Cut(Table):
         Boresight gain that the file of the cuts states [dBi]. It is compared with that of the antenna.
     """
 
-    angle: tuple[float, ...]
-    azimuth: tuple[float, ...]
-    elevation: tuple[float, ...]
-    gain: float | None = None
+    angle: tuple[Annotated[float, Field(ge=-360, le=360)], ...]
+    azimuth: tuple[Decibels, ...]
+    elevation: tuple[Decibels, ...]
+    gain: Decibels | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if not len(self.angle) == len(self.azimuth) == len(self.elevation) >= 3:
             raise ValueError("angle, azimuth and elevation must have one length, at least 3")
-        if any(b <= a for a, b in pairwise(self.angle)):
-            raise ValueError("angle must be in ascending order")
+        if any(b - a < CLOSEST for a, b in pairwise(self.angle)):
+            raise ValueError(f"angle must be in ascending order, by {CLOSEST:g} degree or more")
         if not self.angle[0] < 0 < self.angle[-1]:
             raise ValueError("angle must reach to both sides of boresight (0)")
         return self
@@ -69,17 +69,17 @@ class Antenna(Table):
         factor of 4 in amplitude, is assumed, not measured.
     """
 
-    gain: float
+    gain: Decibels
     pattern: Literal["gaussian", "cut", "flat"] = "gaussian"
     hpbw_azimuth: Annotated[float, Field(gt=0, le=360)] | None = None
     hpbw_elevation: Annotated[float, Field(gt=0, le=180)] | None = None
-    sidelobe_floor: Annotated[float, Field(lt=0)] = -30.0
+    sidelobe_floor: Annotated[float, Field(ge=-MOST_DECIBELS, lt=0)] = -30.0
     cut: Cut | None = None
-    gain_std: NotNegative = 0.0
+    gain_std: NotNegativeDecibels = 0.0
     gain_error: NotNegative | None = None
     beamwidth_error: NotNegative | None = None
-    margin_above: NotNegative = 20 * math.log10(2)
-    margin_below: NotNegative = 20 * math.log10(4)
+    margin_above: NotNegativeDecibels = 20 * math.log10(2)
+    margin_below: NotNegativeDecibels = 20 * math.log10(4)
 
     @property
     def pattern_error(self) -> tuple[float, float]:
@@ -104,6 +104,8 @@ class Antenna(Table):
         return self
 
 
+CLOSEST = 1e-6
+"""Least distance of the angles of a cut [degree]: far finer than any positioner, and slopes stay numbers. Chosen."""
 ASSUMED_ERROR = 0.005, 0.01
 """Errors of an amplitude and a beamwidth that are not stated [1]. Several paths are told from one only as far as the
 pattern is known. Assumed, not measured."""

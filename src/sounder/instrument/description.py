@@ -12,7 +12,7 @@ from sounder.instrument.antenna_files import read_cut
 from sounder.instrument.periodic import Periodic, with_template
 from sounder.instrument.stated import Connection, Receiver, Survey, Transmitter
 from sounder.instrument.waveform_description import Sweep, Waveform
-from sounder.toml import NotNegative, Positive, Table, file_inside, read_toml
+from sounder.toml import MOST_DECIBELS, NotNegative, Positive, Table, file_inside, read_toml
 
 MIN_SPECTRAL_LINES = 16
 """Fewest spectral lines in the band kept. A delay is the slope of the phase over them. Chosen, not derived."""
@@ -122,7 +122,7 @@ class Artefact(Table):
     """
 
     delay: float
-    level: Annotated[float, Field(lt=0)]
+    level: Annotated[float, Field(ge=-MOST_DECIBELS, lt=0)]
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

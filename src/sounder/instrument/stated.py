@@ -1,6 +1,6 @@
 """Levels of an instrument, and the uncertainties of its calibration and of the survey, as far as they are stated."""
 
-from sounder.toml import NotNegative, Table
+from sounder.toml import Decibels, NotNegative, NotNegativeDecibels, Table
 
 
 class Transmitter(Table):
@@ -14,8 +14,8 @@ class Transmitter(Table):
         Its standard deviation, with that of the cables between [dB]. The default is assumed, not measured.
     """
 
-    power: float | None = None
-    power_std: NotNegative = 3.0
+    power: Decibels | None = None
+    power_std: NotNegativeDecibels = 3.0
 
 
 class Receiver(Table):
@@ -29,8 +29,8 @@ class Receiver(Table):
         Its standard deviation, with that of the scale [dB]. The default is assumed, not measured.
     """
 
-    noise_figure: NotNegative | None = None
-    noise_figure_std: NotNegative = 1.5
+    noise_figure: NotNegativeDecibels | None = None
+    noise_figure_std: NotNegativeDecibels = 1.5
 
 
 class Connection(Table):
@@ -47,7 +47,7 @@ class Connection(Table):
         Standard deviation of the delay that the connection has besides its S21 [s]; part of every ``delay_std``.
     """
 
-    attenuation_std: NotNegative = 0.0
+    attenuation_std: NotNegativeDecibels = 0.0
     delay: float | None = None
     delay_std: NotNegative = 0.0
 

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from erm.common.errors import DataError
-from erm.common.storage import SOFTWARE, number_in, open_groups, require_axes, sha256
+from erm.common.storage import SOFTWARE, open_groups, require_axes, sha256
 from erm.mpcs.files import PRODUCT, line_of_sight, read_csv
 from erm.mpcs.table import VALUES
 from sounder.options import Clustering, Source, Threshold, require_choice
@@ -112,15 +112,16 @@ def _of_product(path: Path, source: Source) -> tuple[dict[str, Any], xr.Dataset]
         raise DataError(f"{path}: has no {sorted(needed)[0]}; expected {PRODUCT}")
     measured = dict.fromkeys(VALUES, ("mpc",)) if source == "mpcs" else dict.fromkeys(("pdp", "delay"), ("delay",))
     require_axes(group, path, measured)
-    if source == "pdp" and number_in(group, "pulse_energy", path) <= 0:
-        raise DataError(f"{path}: pulse_energy is not positive; process the recording again")
+    for name in {"pulse_energy", "independent_samples"} & group.attrs.keys():
+        if group.attrs[name] <= 0:
+            raise DataError(f"{path}: {name} is not positive; process the recording again")
     require_axes(root, path, dict.fromkeys(("tx_position", "rx_position"), ("position", "xyz")))
     if root["position"].size != 1:
         raise DataError(f"{path}: holds {root['position'].size} positions; expected one in a file")
     about: dict[str, Any] = {"position": str(root["position"].values.item()), "los": line_of_sight(root, path)}
     about["doubts"] = str(root.attrs.get("doubts", ""))
     about |= {f"{end}_position": np.ravel(root[f"{end}_position"].values) for end in ("tx", "rx")}
-    return about | {"frequency": number_in(root, "frequency", path)}, group
+    return about | {"frequency": root.attrs["frequency"]}, group
 
 
 def _of_table(path: Path) -> Iterable[tuple[dict[str, Any], xr.Dataset]]:

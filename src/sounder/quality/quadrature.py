@@ -146,6 +146,7 @@ def _sharpness(correlation: Complex, deembedding: Deembedding) -> Real:
     """Logarithm of ``sum p^2 / (sum p)^2`` over the power ``p`` about the peak (direction,): higher is sharper."""
     spectra = np.fft.fft(correlation) * deembedding.transfer
     spectra[:, 0] = (spectra[:, 1] + spectra[:, -1]) / 2
+    spectra /= np.abs(spectra).max(axis=1, keepdims=True)  # powers of single precision, whatever the scale
     half = spectra.shape[1] // 2
     padded = np.zeros((len(spectra), fft.next_fast_len(spectra.shape[1] * OVERSAMPLING)), np.complex64)
     padded[:, :half], padded[:, -half:] = spectra[:, :half], spectra[:, -half:]

@@ -18,6 +18,7 @@ from erm.common.printable import printable
 from sounder.recordings.formats import touchstone_set
 from sounder.recordings.formats.find import content_of
 from sounder.recordings.layout import Reference
+from sounder.recordings.recording import line_of_sight
 
 CHUNK_CACHE = 64 * 2**20
 """Size of HDF5's cache of decompressed chunks, for each open file [byte]. Chosen to hold a chunk of many directions."""
@@ -101,11 +102,7 @@ class ForeignFile:
         found = self.numbers(value, label)
         if found.shape not in ((), (positions,)):
             raise DataError(f"{self.path}: {label} has shape {found.shape}; expected one number or {positions}")
-        if not np.isin(found, (-1, 0, 1)).all():
-            raise DataError(
-                f"{self.path}: {label} is {_short(found)}; expected 1 (line of sight), 0 (none) or -1 (not known)"
-            )
-        return [int(los) for los in np.broadcast_to(found, positions)]
+        return [line_of_sight(los, self.path, label) for los in np.broadcast_to(found, positions).tolist()]
 
     def points(self, value: Any, positions: int, label: str) -> NDArray[np.float64]:
         """A point for each position (position, xyz) [m]. Points that are not finite are returned as they are."""

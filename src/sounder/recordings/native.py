@@ -12,7 +12,7 @@ from erm.common.gate.nesting import parse_json
 from erm.common.integrity import require_members
 from sounder.instrument.description import Sounder
 from sounder.recordings import direct
-from sounder.recordings.recording import MAX_AGC_GAIN, BackToBack, Captures, Recording, check
+from sounder.recordings.recording import MAX_AGC_GAIN, BackToBack, Captures, Recording, check, line_of_sight
 
 RECORDING = "sounder-to-map recording"
 BACK_TO_BACK = "sounder-to-map back-to-back"
@@ -94,20 +94,13 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
             scale_factor=_scale(iq, path),
             agc_gain=_grid(file, path, "agc_gain", directions, 0.0),
             valid=_grid(file, path, "valid", directions, 1.0) != 0,
-            los=_line_of_sight(file, path),
+            los=line_of_sight(file.attrs.number("los", -1), path),
             time=_grid(file, path, "time", directions, np.nan) if "time" in file else None,
             read=_reader(path, iq),
         )
         require_members(file)  # last: what does not fit the format is described better above
     check(recording, shape[3])
     return [recording]
-
-
-def _line_of_sight(file: Group, path: Path) -> int:
-    los = file.attrs.number("los", -1)
-    if los not in (-1, 0, 1):
-        raise DataError(f"{path}: los is {los:g}; expected 1 (line of sight), 0 (none) or -1 (not known)")
-    return int(los)
 
 
 def _ascending(file: Group, path: Path, name: str) -> NDArray[np.float64]:

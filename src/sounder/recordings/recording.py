@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from erm.common.constants import FARTHEST, SAME_PLACE
 from erm.common.errors import DataError
+from erm.common.usage import shortened
 from sounder.instrument.description import Sounder
 from sounder.instrument.periodic import Periodic
 from sounder.instrument.waveform_description import Waveform
@@ -214,6 +215,13 @@ def clipped_share(captures: Captures) -> float:
     if captures.dtype != np.int16:
         return 0.0
     return float(np.mean((captures == -(2**15)) | (captures == 2**15 - 1)))
+
+
+def line_of_sight(value: Any, who: Path | str, label: str = "los") -> int:
+    """1 for line of sight, 0 for none, -1 if not known; anything else is refused."""
+    if value not in (-1, 0, 1):
+        raise DataError(f"{who}: {label} is {shortened(value)}; expected 1 (line of sight), 0 (none) or -1 (not known)")
+    return int(value)
 
 
 MAX_AGC_GAIN = 200.0

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.constants import k as boltzmann
 
-from sounder.toml import NotNegative, Table
+from sounder.toml import MOST_DECIBELS, Decibels, NotNegative, NotNegativeDecibels, Table
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
@@ -37,7 +37,7 @@ class SystemResponse(Table):
     """
 
     ripple: Annotated[float, Field(ge=0, le=2)] = 0.6
-    slope: float = 1.5
+    slope: Decibels = 1.5
     delay: NotNegative = 37e-9
     echoes: Annotated[int, Field(ge=1)] = 6
     longest_echo: NotNegative = 8e-9
@@ -142,7 +142,7 @@ class IQImbalance(Table):
         Error of quadrature [degree].
     """
 
-    gain: float = 0.1
+    gain: Decibels = 0.1
     phase: Annotated[float, Field(gt=-90, lt=90)] = 1.0
 
     def apply(self, signal: Complex) -> Complex:
@@ -178,7 +178,7 @@ class ThermalNoise(Table):
         [K]
     """
 
-    noise_figure: NotNegative = 8.0
+    noise_figure: NotNegativeDecibels = 8.0
     temperature: NotNegative = 290.0
 
     @property
@@ -208,9 +208,9 @@ class AGC(Table):
         Wanted distance of the mean power below full scale [dB].
     """
 
-    step: Annotated[float, Field(gt=0)] = 1.0
-    maximum: NotNegative = 50.0
-    headroom: float = 12.0
+    step: Annotated[float, Field(gt=0, le=MOST_DECIBELS)] = 1.0
+    maximum: NotNegativeDecibels = 50.0
+    headroom: Decibels = 12.0
 
     def gain(self, power: Real, full_scale: float) -> Real:
         """Gain [dB] for received powers [mW] and the converter's full scale [dBm]."""
@@ -234,7 +234,7 @@ class Converter(Table):
     """
 
     bits: Annotated[int, Field(ge=2, le=16)] = 14
-    full_scale: float = -42.0
+    full_scale: Decibels = -42.0
 
     @property
     def amplitude(self) -> float:

@@ -13,7 +13,7 @@ from erm.common.errors import DataError
 from erm.common.gate.limits import current, too_large
 from sounder import shipped
 from sounder.instrument.description import Sounder, load_sounder
-from sounder.toml import Alternatives, NotNegative, Positive, RelativePath, Table, read_toml
+from sounder.toml import Alternatives, NotNegativeDecibels, Positive, RelativePath, Table, read_toml
 from sounder.twin.faults import Faults
 
 Coordinate = Annotated[float, Field(gt=-FARTHEST, lt=FARTHEST)]
@@ -198,7 +198,7 @@ class Scene(Table):
     frame: Literal["east-north", "east-south"] = "east-north"
     sounder: Sounder
     attenuator: Annotated[
-        NotNegative | RelativePath | None,
+        NotNegativeDecibels | RelativePath | None,
         Alternatives("a loss of at least 0 dB, or the name of a touchstone file"),
     ] = None
     snapshots: Annotated[int, Field(ge=1)] = 8

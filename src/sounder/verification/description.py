@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sounder.toml import NotNegative, Positive, RelativePath, Table, read_toml
+from sounder.toml import Decibels, NotNegative, NotNegativeDecibels, Positive, RelativePath, Table, read_toml
 
 
 class Artefact(Table):
@@ -39,9 +39,9 @@ class Artefact(Table):
     kind: Literal["connected", "link", "reflector"]
     recordings: Annotated[tuple[RelativePath, ...], Field(min_length=1)]
     s21: RelativePath | None = None
-    attenuation: float | None = None
+    attenuation: Decibels | None = None
     delay: float | None = None
-    gain_std: NotNegative = 0.0
+    gain_std: NotNegativeDecibels = 0.0
     delay_std: NotNegative = 0.0
     distance: Positive | None = None
     distance_std: NotNegative = 0.0

@@ -123,6 +123,22 @@ def test_a_wrong_fill_value_is_refused_by_name(tmp_path):
         open_group(tmp_path / "p.h5")
 
 
+@pytest.mark.parametrize("wrong", [np.zeros((3, 3)), "many", np.nan])
+def test_a_figure_of_a_product_is_one_number_or_refused_by_name(tmp_path, wrong):
+    write_product({"/": xr.Dataset(attrs={"independent_samples": wrong})}, tmp_path / "p.h5")
+    with pytest.raises(DataError, match=r"p\.h5: attribute independent_samples is .*; expected a finite number"):
+        open_group(tmp_path / "p.h5")
+
+
+def test_axes_are_known_from_their_scales_alone(tmp_path):
+    """A damaged length in the lists of the variables costs HDF5 seconds to read."""
+    write_product(groups(), tmp_path / "p.h5")
+    with h5py.File(tmp_path / "p.h5", "r+") as file:
+        del file["x"].attrs["DIMENSION_LIST"], file["cir/cir"].attrs["DIMENSION_LIST"]
+    for name, dataset in groups().items():
+        xr.testing.assert_identical(open_group(tmp_path / "p.h5", name), dataset)
+
+
 def test_axes_without_a_name_get_one(tmp_path):
     with h5py.File(tmp_path / "p.h5", "w") as file:
         file["a"], file["b"] = np.zeros((3, 3, 3)), np.zeros(2)

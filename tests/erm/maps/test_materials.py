@@ -75,6 +75,7 @@ def test_a_material_survives_json(name):
         ({"name": "odd", "colour": "red"}, "colour"),
         ({"name": "odd", "permittivity": 3}, "odd"),
         ({"permittivity": [3, 0]}, "name"),
+        ({"name": [1.5, 0.0]}, "name is .1.5, 0.0.; expected a text"),
     ],
 )
 def test_impossible_materials_are_refused_by_name(values, complaint):

@@ -1,8 +1,11 @@
 """`sounder figures`: a picture of every product, and of two together."""
 
+import shutil
 import subprocess
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
 from erm.common.errors import DataError
@@ -29,6 +32,24 @@ def test_figures_name_what_is_no_product_and_draw_the_rest(campaign, products, t
     assert str(campaign / "raw" / "RX1.h5") in error
     assert error.count("\n") == 1
     assert len(names(tmp_path)) == 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "change", "told"),
+    [
+        ("figures", lambda file: file["daps/delay"].write_direct(np.full(file["daps/delay"].shape, 1e308)), "a delay"),
+        ("report", lambda file: file.attrs.__delitem__("processing_options"), "has no processing_options"),
+        ("report", lambda file: file.attrs.create("input_sha256", "{"), "input_sha256 is '{'; expected a table"),
+    ],
+)
+def test_what_cannot_be_of_a_product_is_refused_by_name(products, tmp_path, capsys, command, change, told):
+    path = shutil.copy(products / "RX1.h5", tmp_path)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    assert run(command, path, "--out", tmp_path / ("out" if command == "figures" else "r.html")) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"RX1.h5: {told}" in line
 
 
 @pytest.mark.slow

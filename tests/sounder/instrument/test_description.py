@@ -98,6 +98,7 @@ def test_another_sounder_is_another_file_and_no_code(edited):
         ({"waveform__samples_per_chip": "samples_per_chip = 5"}, "waveform.samples_per_chip is 5; expected at most 4"),
         ({"waveform__chip_rate": "chip_rate = nan"}, "waveform.chip_rate is nan; expected a finite number"),
         ({"carrier__multiplier": "multiplier = 0"}, "carrier.multiplier is 0; expected at least 1"),
+        ({"transmitter__power": "power = 6e9"}, "transmitter.power is 6000000000.0; expected at most 1000"),
         ({"transmitter__power": "power = inf"}, "transmitter.power is inf; expected a finite number"),
         ({"transmitter__power": "power = 10\nvolume = 11"}, "transmitter.volume: unknown key; known are power"),
         ({"name": 'name = "x"\ncolour = "red"'}, "colour: unknown key"),
@@ -166,6 +167,7 @@ def test_a_description_cannot_be_changed():
         ("angle,azimuth,elevation\n-90,-20,-20\n0,nan,0\n90,-20,-20\n", "rx_antenna.cut.azimuth.1 is nan; expected"),
         ("angle,azimuth,elevation\n-90,-20,-20\n0,0,0\ninf,-20,-20\n", "rx_antenna.cut.angle.2 is nan; expected"),
         ("angle,azimuth,elevation\n0,0,0\n", "rx_antenna.cut: angle, azimuth and elevation must have one length"),
+        ("angle,azimuth,elevation\n-90,-20,-20\n0,0,0\n1e-320,0,0\n", "ascending order, by 1e-06 degree or more"),
         ("angle,azimuth,elevation\n0,0,0\n10,-3,-3\n90,-20,-20\n", "reach to both sides of boresight"),
     ],
 )

@@ -48,6 +48,14 @@ def test_a_delay_of_q_is_told_by_positions_together() -> None:
     assert remark.code is Code.QUADRATURE_DELAYED
 
 
+def test_the_scale_of_the_captures_tells_nothing() -> None:
+    """Squares of the powers of such responses are beyond single precision."""
+    made = recording(*PATHS)
+    filter_ = calibrate(connected(), made)
+    cir = impulse_responses(made, filter_, threads=1)[0]["cir"].values
+    assert np.allclose(quadrature_evidence(cir * 1e-11, filter_), quadrature_evidence(cir, filter_), rtol=1e-3)
+
+
 def test_positions_that_disagree_tell_nothing() -> None:
     assert remarks_on_quadrature([[5.0, 0.0, 0.0], [5.0, 0.0, 0.0], [-9.0, 0.0, 0.0]]) == []
 

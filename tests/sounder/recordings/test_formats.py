@@ -163,6 +163,16 @@ def test_a_recording_comes_back_from_sigmf_with_all_that_it_knows(tmp_path, path
     assert [len(meta["annotations"]), meta["annotations"][1]["core:sample_start"]] == [6, 3 * 254]
 
 
+def test_a_line_of_sight_that_is_none_is_refused_in_sigmf(tmp_path, path):
+    convert_file(path, tmp_path / "out.sigmf-meta")
+    meta = tmp_path / "out.sigmf-meta"
+    described = json.loads(meta.read_text())
+    described["global"]["sounder:recording"]["los"] = 10**30
+    meta.write_text(json.dumps(described))
+    with pytest.raises(DataError, match=r"out\.sigmf-meta: los is 1e.30; expected 1 \(line of sight\)"):
+        open_recordings(meta)
+
+
 def test_the_metadata_of_sigmf_satisfy_its_own_library(tmp_path, path):
     library = pytest.importorskip("sigmf")
     convert_file(path, tmp_path / "out.sigmf-meta")

@@ -16,7 +16,7 @@ from erm.common.gate.plain import PlainNumbers
 from erm.common.storage import SOFTWARE
 from sounder.instrument.description import Sounder
 from sounder.recordings.formats.sigmf import DATA, META, content, is_format, metadata, samples
-from sounder.recordings.recording import Captures, Recording, check
+from sounder.recordings.recording import Captures, Recording, check, line_of_sight
 
 __all__ = ["content", "is_format", "recordings", "write"]
 
@@ -47,7 +47,7 @@ def recordings(path: Path, sounder: Sounder | None = None) -> list[Recording]:
         snapshots, length = int(held["snapshots"]), described.waveform.samples
         agc, valid, time = (None if held[name] is None else np.array(held[name], float) for name in GRIDS)
         tx, rx = (np.array(held[name], float).reshape(3) for name in ("tx_position", "rx_position"))
-        scale, los, name = float(held["scale_factor"]), int(held["los"]), str(held["position"])
+        scale, los, name = float(held["scale_factor"]), line_of_sight(held["los"], meta), str(held["position"])
     except DataError:
         raise
     except (KeyError, TypeError, ValueError) as error:
