@@ -40,6 +40,8 @@ class Delays:
         Error that noise and other paths make [sample].
     far : array (delay,)
         Whether the beam is far from the path and sees it through its sidelobes.
+    sample : array (delay,)
+        Sample of the peak in the path's strongest beam.
     """
 
     path: Integers
@@ -47,6 +49,7 @@ class Delays:
     delay: Real
     tolerance: Real
     far: NDArray[np.bool_]
+    sample: Integers
 
     @property
     def off(self) -> Real:
@@ -99,7 +102,8 @@ def measure_delays(snr: NDArray[np.floating], paths: Paths, near: Neighbours, wi
     path, beam = np.nonzero(is_peak)
     std = 1 / np.sqrt(np.exp(middle[path, beam]) * -curvature[path, beam])
     tolerance = UNRESOLVED + SIGMAS * std
-    return Delays(path, around[path, beam], delay[path, beam].astype(float), tolerance.astype(float), far[beam])
+    late = delay[path, beam].astype(float)
+    return Delays(path, around[path, beam], late, tolerance.astype(float), far[beam], paths.delay[path])
 
 
 def _without_sidelobes(paths: Paths, size: int) -> Paths:

@@ -18,6 +18,7 @@ from sounder.quality.beams import (
 from sounder.quality.clock import DRIFT_FALSE_ALARM, LEAST_DRIFT, clock_drift, lost_samples
 from sounder.quality.delays import CLOSE, WINDOW, Delays, measure_delays
 from sounder.quality.scan import Scan
+from sounder.quality.shapes import Shapes
 from sounder.quality.slips import slips, unsettled
 from sounder.remark import Code, Remark
 
@@ -45,7 +46,8 @@ def check_overlaps(scan: Scan) -> None:
     shifted = np.zeros(beams, np.int64)
     against = np.zeros(beams)
     for _ in range(ROUNDS):
-        shifts = slips(measure_delays(snr, paths, near, CLOSE, strict=True), beams, recording.elevation.size)
+        shapes = Shapes(scan.responses.reshape(beams, -1), scan.noise.ravel())
+        shifts = slips(measure_delays(snr, paths, near, CLOSE, strict=True), shapes, recording.elevation.size)
         if not shifts.any():
             against = contradictions(paths, snr)
             shifts = _reconciling_shifts(snr, near, np.maximum(against, lacking(paths, snr)))

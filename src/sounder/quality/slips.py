@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from sounder.quality.beams import MIN_BEAMS
 from sounder.quality.delays import Delays
+from sounder.quality.shapes import Shapes
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -15,34 +16,29 @@ HALF = 0.5
 """Difference from which a delay is nearer to another sample [sample]."""
 
 
-def slips(delays: Delays, beams: int, elevations: int) -> Integers:
+def slips(delays: Delays, shapes: Shapes, elevations: int) -> Integers:
     """Delay (beam,) of each beam against the others [sample]; 0 unless it has slipped by a whole number of samples.
 
     A path counts for a beam if most other beams that see it agree; of these paths the one about which most agree tells
-    the delay of the beam, and most others, weighted by how many agree about them, must not contradict it. A slip by
-    more than a sample must show in as many paths. Two paths that are not resolved seldom look like one that is off by a
-    whole sample: the power of both is between their delays. Sidelobes show one path alone; in main lobes there may be
-    two: if no beam has slipped that sees a path through its sidelobes, two thirds of those that are off, and at least
-    three, must be off by whole samples.
+    the delay of the beam. The shift must explain what the beam sees of this path, and most others, weighted by how many
+    agree about them, must not contradict it. A slip by more than a sample must show in as many paths.
     """
     off, agree, settled = _against_others(delays, elevations)
     sure = settled & (delays.tolerance < HALF)
-    shifts, far = np.zeros(beams, np.int64), np.zeros(beams, bool)
-    suspects = 0
+    shifts = np.zeros(len(shapes.responses), np.int64)
     for beam in np.unique(delays.beam[sure]):
         own = np.flatnonzero(sure & (delays.beam == beam))
         best = own[np.argmax(agree[own])]
         if np.abs(off[best]) <= HALF:
             continue
-        suspects += 1
-        shift = np.rint(off[best])
+        shift = int(np.rint(off[best]))
         fits = np.abs(off[own] - shift) < delays.tolerance[own]
-        if fits.sum() >= np.abs(shift) and agree[own][fits].sum() >= MOST * agree[own].sum():
-            shifts[beam], far[beam] = shift, delays.far[best]
-    moved = np.count_nonzero(shifts)
-    alone = not shifts[far].any() and (moved < MIN_BEAMS or 3 * moved <= 2 * suspects)
-    no_reference = 2 * suspects > np.unique(delays.beam[settled]).size
-    return np.zeros_like(shifts) if alone or no_reference else shifts
+        if fits.sum() < np.abs(shift) or agree[own][fits].sum() < MOST * agree[own].sum():
+            continue
+        others = (delays.path == delays.path[best]) & (np.abs(off) < delays.tolerance) & (delays.beam != beam)
+        if shapes.explains(delays, others, int(best), shift):
+            shifts[beam] = shift
+    return shifts
 
 
 def unsettled(delays: Delays, beams: int, elevations: int) -> Real:

@@ -7,9 +7,10 @@ import pytest
 
 from sounder.quality.clock import clock_drift, lost_samples
 from sounder.quality.delays import Delays
+from sounder.quality.shapes import Shapes
 from sounder.quality.slips import slips, unsettled
 
-BEAMS, PATHS, SEEN = 108, 12, 15
+BEAMS, PATHS, SEEN, APART = 108, 12, 15, 40
 ORDER = np.arange(BEAMS).reshape(3, 36).T.ravel()  # beams are azimuth-major, the scan covers an elevation at a time
 
 
@@ -26,14 +27,26 @@ def delays(seed, offset, std=0.05):
         own + offset[beam] + std * rng.normal(size=beam.size),
         np.full(beam.size, 5 * std),
         np.zeros(beam.size, bool),
+        APART * (path + 1),
     )
+
+
+def shapes(delays, apart=None):
+    """Responses with a Gaussian pulse at each delay; where ``apart`` (beam,) is not 0, two of which it is the mean."""
+    time = np.arange(APART * (int(delays.path.max()) + 2))
+    half = np.zeros(BEAMS) if apart is None else apart / 2
+    late = (delays.sample + delays.delay)[:, None] - time
+    seen = sum(np.exp(-((late + sign * half[delays.beam, None]) ** 2) / 2) for sign in (-1, 1))
+    responses = np.zeros((BEAMS, time.size), complex)
+    np.add.at(responses, delays.beam, seen)
+    return Shapes(responses, np.full(BEAMS, 1e-4))
 
 
 def test_nothing_is_found_in_clean_delays():
     for seed in range(20):
         clean = delays(seed, np.zeros(BEAMS))
         assert lost_samples(clean, ORDER) == (0, 0)
-        assert not slips(clean, BEAMS, 3).any()
+        assert not slips(clean, shapes(clean), 3).any()
         drift, bound = clock_drift(clean, ORDER)
         assert abs(drift) < bound
 
@@ -49,15 +62,18 @@ def test_beams_that_slipped_by_whole_samples_are_found():
     offset = np.zeros(BEAMS)
     slipped = np.unique(delays(2, offset).beam)[::9]
     offset[slipped] = np.resize([1, -1, 1], slipped.size)
-    np.testing.assert_array_equal(slips(delays(2, offset), BEAMS, 3), offset)
+    late = delays(2, offset)
+    np.testing.assert_array_equal(slips(late, shapes(late), 3), offset)
 
 
 def test_beams_between_two_paths_are_not_slipped():
-    """Scattering moves delays by any fraction of a sample, here and there by a whole one."""
+    """Two paths as strong that are not resolved look like one in the middle, but for the shape."""
     offset = np.zeros(BEAMS)
     moved = np.unique(delays(2, offset).beam)[::9]
-    offset[moved] = np.linspace(0.5, 1.5, moved.size)
-    assert not slips(delays(2, offset), BEAMS, 3).any()
+    offset[moved] = np.linspace(0.6, 1.4, moved.size)
+    late = delays(2, offset)
+    assert slips(late, shapes(late), 3).any()
+    assert not slips(late, shapes(late, 2 * offset), 3).any()
 
 
 def test_the_lower_beams_that_see_a_reflection_off_the_ground_are_not_slipped():
@@ -66,10 +82,12 @@ def test_the_lower_beams_that_see_a_reflection_off_the_ground_are_not_slipped():
     offset = np.zeros(BEAMS)
     offset[low] = 1.0
     assert low.size == 5
-    assert not slips(delays(2, offset), BEAMS, 3).any()
+    late = delays(2, offset)
+    assert not slips(late, shapes(late), 3).any()
     assert not unsettled(delays(2, offset), BEAMS, 3)[low].any()
     offset[low[::2]] = -1.0  # no reflection does this
-    assert slips(delays(2, offset), BEAMS, 3)[low].tolist()[:4] == [-1, 1, -1, 1]
+    late = delays(2, offset)
+    assert slips(late, shapes(late), 3)[low].tolist()[:4] == [-1, 1, -1, 1]
 
 
 def test_the_drift_of_a_clock_is_measured_beside_a_slip():
@@ -94,7 +112,7 @@ def test_one_path_in_the_sidelobes_of_all_beams_tells_a_drift():
     beam, same = np.arange(BEAMS), np.zeros(BEAMS, int)
     for total in (0.0, 0.24):
         late = total * ORDER / BEAMS + 0.05 * rng.normal(size=BEAMS)
-        seen = Delays(same, beam, late, np.full(BEAMS, 0.25), np.ones(BEAMS, bool))
+        seen = Delays(same, beam, late, np.full(BEAMS, 0.25), np.ones(BEAMS, bool), same)
         drift, bound = clock_drift(seen, ORDER)
         assert abs(drift - total / BEAMS) < bound
         assert (abs(drift) > bound) == (total > 0)
@@ -115,7 +133,8 @@ def test_all_beams_of_a_main_lobe_slipped_where_sidelobes_settle_the_path():
     offset, far = np.zeros(BEAMS), np.ones(BEAMS, bool)
     offset[lobe], far[lobe] = [1, -1, -1, -1, 1, 1, 1, -1, 1], False
     late = offset + 0.02 * rng.normal(size=BEAMS) - 0.2 * ~far  # another path, not resolved, is seen in the main lobe
-    seen = Delays(same, np.arange(BEAMS), late, np.full(BEAMS, 0.25), far)
-    np.testing.assert_array_equal(slips(seen, BEAMS, 3), offset)
+    seen = Delays(same, np.arange(BEAMS), late, np.full(BEAMS, 0.25), far, same + APART)
+    np.testing.assert_array_equal(slips(seen, shapes(seen), 3), offset)
     few = ~far | (np.arange(BEAMS) < 9)  # nine that disagree, nine others that agree
-    np.testing.assert_array_equal(slips(Delays(*(column[few] for column in vars(seen).values())), BEAMS, 3), offset)
+    seen = Delays(*(column[few] for column in vars(seen).values()))
+    np.testing.assert_array_equal(slips(seen, shapes(seen), 3), offset)
