@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from sounder.mpc.fit_parameters import AZIMUTH, AZIMUTH_GRID, DELAY, ELEVATION, LEVEL, REGULARISATION
 from sounder.mpc.scan import Scan
-from sounder.mpc.two_paths_fit import PARAMETERS, PHASES, fit_paths, linearise
+from sounder.mpc.several_paths import aligned, responses
+from sounder.mpc.two_paths_fit import PARAMETERS, PHASES, fit_paths, with_phase
 from sounder.mpc.two_paths_posterior import posterior
 from sounder.mpc.whitened_samples import MAX_OFFSET, BeamSamples
 
@@ -126,11 +127,11 @@ def find_two_paths(one: OnePath, middle: float, beams: BeamSamples, scan: Scan) 
     paths, costs = paths.reshape(PHASES.size, -1, 2, PARAMETERS), costs.reshape(PHASES.size, -1)
     paths, phases = paths[np.arange(PHASES.size), np.argmin(costs, axis=1)], phases[:: costs.shape[1]]
     best = int(np.argmin(costs.min(axis=1)))
-    if _consistent_misfit(paths[[best]], phases[[best]], near_beams, scan) is None:
+    if _consistent_misfit(paths[best], phases[best], near_beams, scan) is None:
         return None
     paths, costs, information = fit_paths(paths, phases, beams, scan, bounds, max_steps=MAX_ALL_STEPS)
     best = int(np.argmin(costs))
-    misfit = _consistent_misfit(paths[[best]], phases[[best]], beams, scan)
+    misfit = _consistent_misfit(paths[best], phases[best], beams, scan)
     if misfit is None or 2 * (one.cost - costs[best]) < PAIR_IMPROVEMENT:
         return None
     two, covariance = posterior(*_gaussian_mixture(paths, costs, information), bounds, beams, scan)
@@ -176,12 +177,15 @@ def _gaussian_mixture(paths: Real, costs: Real, information: Real) -> tuple[Real
     return paths, np.linalg.inv(information).astype(float), share
 
 
-def _consistent_misfit(paths: Real, phase: Real, beams: BeamSamples, scan: Scan) -> float | None:
+def _consistent_misfit(paths: Real, phase: float, beams: BeamSamples, scan: Scan) -> float | None:
     """Residual power over that of the noise, in beams over the noise; None if noise does not leave so much."""
-    _, residual, _, _ = linearise(paths, phase, beams, scan)
-    size = residual.shape[-1]
+    fitted = with_phase(paths[None], np.array([phase]))[0]
+    model = responses(fitted, beams, scan.centred_pulse, scan.cuts).sum(axis=0)
+    rotated, known = aligned(model, beams)
+    residual = known[:, None] * rotated - model
+    size = residual.shape[1]
     strong = np.sum(np.abs(beams.samples) ** 2, axis=1) - size > MIN_BEAM_POWER
-    squares = 2 * np.sum(np.abs(residual[0, strong]) ** 2)
+    squares = 2 * np.sum(np.abs(residual[strong]) ** 2)
     freedom = max(int(strong.sum()) * (2 * size - 1) - 9, 1)
     return float(squares / freedom) if squares < freedom + PAIR_EXCESS * np.sqrt(2 * freedom) else None
 

@@ -1,12 +1,14 @@
 """Whitened samples of beams, and the pulse of a path of amplitude 1 in them, for the fits of several paths."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sounder.cir.matched_filter import OVERSAMPLING, MatchedFilter, whitening_matrix
+from sounder.kernels.extraction.scan_view import beam_table
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -38,6 +40,11 @@ class BeamSamples:
     directions: Real
     noise: Real
     samples: Complex
+
+    @cached_property
+    def table(self) -> NDArray[np.record]:
+        """Directions of the beams for the kernels."""
+        return beam_table(self.directions)
 
     def with_pattern_error(self, gain_error: float, beamwidth_error: float) -> Self:
         """Count what is not known of the antenna's pattern as further noise.
@@ -118,9 +125,9 @@ class WindowPulse:
         return cls(white, pulse, np.gradient(pulse, POINT_STRIDE / OVERSAMPLING, axis=0))
 
     def at(self, delay: Real) -> tuple[Complex, Complex]:
-        """Pulse and slope (path, combination) at delays (path,) after the window's first sample."""
+        """Pulse and slope (..., combination) at delays (...) after the window's first sample."""
         place = np.clip(delay * (OVERSAMPLING // POINT_STRIDE), 0, len(self.pulse) - 1.001)
         left = place.astype(int)
-        right = (place - left)[:, None]
+        right = (place - left)[..., None]
         before, after = self.pulse[left], self.pulse[left + 1]
         return before * (1 - right) + after * right, self.slope[left] * (1 - right) + self.slope[left + 1] * right
