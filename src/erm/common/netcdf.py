@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.%10d"
 NUMBERS = "biufc"
-"""Kinds of numbers, as numpy names them."""
+TEXTS = "UO"
+"""Kinds of numbers and of texts, as numpy names them."""
 STRUCTURE = {
     "CLASS",
     "NAME",
@@ -52,12 +53,7 @@ def write_group(group: "h5py.Group", dataset: "xr.Dataset") -> None:
     dataset : xarray.Dataset
         Complex numbers are written as h5py writes them; netCDF has no type for them.
     """
-    import xarray as xr
-
-    variables, attributes = xr.conventions.encode_dataset_coordinates(dataset)
-    encoded = {
-        str(name): xr.conventions.encode_cf_variable(variable, name=name) for name, variable in variables.items()
-    }
+    encoded, attributes = _encoded(dataset)
     group.attrs.update(attributes)
     for dimension, size in dataset.sizes.items():
         name = str(dimension)
@@ -70,6 +66,48 @@ def write_group(group: "h5py.Group", dataset: "xr.Dataset") -> None:
             made = _create(group, name, variable)
             for axis, dimension in enumerate(variable.dims):
                 made.dims[axis].attach_scale(group[str(dimension)])
+
+
+def _encoded(dataset: "xr.Dataset") -> "tuple[dict[str, xr.Variable], dict[Any, Any]]":
+    """Variables and attributes of a group, as they are stored."""
+    import xarray as xr
+
+    variables, attributes = xr.conventions.encode_dataset_coordinates(dataset)
+    stored = {str(name): xr.conventions.encode_cf_variable(variable, name=name) for name, variable in variables.items()}
+    return stored, attributes
+
+
+def as_read(dataset: "xr.Dataset") -> "xr.Dataset":
+    """What `read_group` makes of a group that `write_group` made of a dataset; it shares no arrays with it."""
+    import numpy as np
+    import xarray as xr
+
+    encoded, attributes = _encoded(dataset)
+    ordered = sorted(sorted(encoded), key=dataset.dims.__contains__)
+    variables = {}
+    for name in ordered:
+        values = np.array(encoded[name].values)
+        texts = values.dtype.kind in TEXTS
+        variables[name] = xr.Variable(encoded[name].dims, values.astype(str) if texts else values)
+        variables[name].attrs = _stored(encoded[name].attrs)
+    return _decoded(variables, _stored(attributes))
+
+
+def _stored(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
+    """Attributes as HDF5 gives them back."""
+    import numpy as np
+
+    return {
+        name: value if isinstance(value, str) else _single(np.asarray(value)[()]) for name, value in attributes.items()
+    }
+
+
+def _decoded(variables: "Mapping[str, xr.Variable]", attributes: Mapping[str, Any]) -> "xr.Dataset":
+    import numpy as np
+    import xarray as xr
+
+    with np.errstate(over="ignore", invalid="ignore"):  # what comes out is checked where it is used
+        return xr.decode_cf(xr.Dataset(variables, attrs=attributes)).load().drop_encoding()
 
 
 def read_group(group: Group) -> "xr.Dataset":
@@ -86,9 +124,6 @@ def read_group(group: Group) -> "xr.Dataset":
     DataError
         A member holds neither numbers nor texts, or its values cannot be decoded.
     """
-    import numpy as np
-    import xarray as xr
-
     members = {name: member for name, member in group.items() if isinstance(member, Dataset) and not member.empty}
     dimensions = _dimensions(members)
     ordered = sorted(members, key=lambda name: members[name].is_scale)  # coordinates last, as netCDF lists them
@@ -96,8 +131,7 @@ def read_group(group: Group) -> "xr.Dataset":
         name: _read(members[name], dimensions[name]) for name in ordered if not _is_bare_dimension(members[name])
     }
     attributes = {name: _single(value) for name, value in group.attrs.items() if name not in STRUCTURE}
-    with np.errstate(over="ignore", invalid="ignore"):  # what comes out is checked where it is used
-        return xr.decode_cf(xr.Dataset(variables, attrs=attributes)).load().drop_encoding()
+    return _decoded(variables, attributes)
 
 
 def _is_bare_dimension(member: Dataset) -> bool:
@@ -167,7 +201,7 @@ def _create(group: "h5py.Group", name: str, variable: "xr.Variable") -> "h5py.Da
 
     attributes = dict(variable.attrs)
     values = np.asarray(variable.values)
-    if values.dtype.kind in "UO":
+    if values.dtype.kind in TEXTS:
         dataset = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
     else:
         options = checksummed(values.shape, values.itemsize)

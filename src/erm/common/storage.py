@@ -19,7 +19,7 @@ from erm.common.gate.limits import current, too_large
 from erm.common.hdf5_output import new_hdf5
 from erm.common.integrity import MEMBERS, list_members, require_members
 from erm.common.kept import kept
-from erm.common.netcdf import NUMBERS, read_group, write_group
+from erm.common.netcdf import NUMBERS, as_read, read_group, write_group
 from erm.common.usage import shortened
 from erm.common.version import __version__
 
@@ -97,6 +97,8 @@ def _hashes(paths: list[Path]) -> dict[str, str]:
 def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> None:
     """Write datasets as the groups of one netCDF4-compatible HDF5 file, completely or not at all.
 
+    Within `erm.common.kept.keeping`, they are not read again.
+
     Parameters
     ----------
     groups : mapping of str to xarray.Dataset
@@ -108,6 +110,9 @@ def write_product(groups: Mapping[str, "xr.Dataset"], target: Path | str) -> Non
         for group, dataset in groups.items():
             write_group(file.require_group(group), dataset)
         list_members(file)
+    if (held := kept()) is not None:
+        for group, dataset in groups.items():
+            held.add(Path(target), group, as_read(dataset))
 
 
 def open_group(path: Path | str, group: str = "/", expected: str = "a product of this software") -> "xr.Dataset":

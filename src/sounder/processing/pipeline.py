@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from functools import partial
 from pathlib import Path
 
@@ -80,9 +81,14 @@ def process_side_by_side(
         return
     together = min(threads, len(named))
     each = partial(process_position, options=options, filters=filters, threads=threads // together)
+    context = copy_context()  # what is kept in memory, for one: threads have a context of their own
+
+    def run(one: tuple[Job, Path]) -> Outcome:
+        return context.copy().run(each, *one)
+
     with ThreadPoolExecutor(together) as pool:
         try:
-            yield from pool.map(each, *zip(*named, strict=True))
+            yield from pool.map(run, named)
         finally:  # Ctrl-C too: positions that are being processed are completed, others are not begun
             pool.shutdown(wait=False, cancel_futures=True)
 
