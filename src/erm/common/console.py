@@ -246,7 +246,8 @@ def _png(figure: "Figure") -> bytes:
     import numpy as np
     from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.image import imsave
+
+    from erm.common.png import png
 
     canvas = figure.canvas if type(figure.canvas) is FigureCanvasAgg else FigureCanvasAgg(figure)
     figure.savefig(io.BytesIO(), format="rgba", dpi=DPI, bbox_inches=figure.bbox_inches.padded(ROOM))
@@ -260,10 +261,7 @@ def _png(figure: "Figure") -> bytes:
         if not found.size or found[0] < edge or found[-1] + edge >= size:
             return b""
         cut.append(slice(found[0] - edge, found[-1] + edge + 1))
-    content = io.BytesIO()
-    # half the time of the default level, and no larger
-    imsave(content, image[tuple(cut)], format="png", dpi=DPI, pil_kwargs={"compress_level": 3})
-    return content.getvalue()
+    return png(image[tuple(cut)], DPI)
 
 
 def _tight(figure: "Figure", suffix: str) -> bytes:
