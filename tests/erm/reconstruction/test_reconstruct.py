@@ -131,6 +131,20 @@ def test_a_wall_ends_where_three_links_saw_none_and_not_where_one_missed_it(sile
     assert east.sum() == pieces
 
 
+@pytest.mark.parametrize(("silent", "pieces"), [([], 2), ([2, 6, 24, 28, 31], 1)])
+def test_three_links_that_saw_no_wall_side_by_side_end_it_only_where_others_nearly_always_saw_it(silent, pieces):
+    # a facade with relief has no specular point for five more links: B(28, 9) / B(28, 6) x 32 = 0.25 rows of three
+    north = np.linspace(-60, 60, 35)
+    deaf = np.isin(np.arange(35), [15, 16, 17, *silent])
+    tx = np.array([[0.0, 0.0, 10.0]])
+    rx = np.column_stack([np.zeros(35), north, np.full(35, 1.4)])
+    heard = scene(np.array([[180.0, -30.0]]), tx, rx[~deaf], 1e-11, 0.1)
+    elsewhere = scene(np.array([[0.0, -20.0]]), tx, rx[deaf], 1e-11, 0.1, seed=5)
+    environment, _ = reconstruct(select(xr.concat([heard, elsewhere], dim="mpc")))
+    east = np.abs(environment.reflectors["end_points"].values[:, 0, 0] - 30) < 0.1
+    assert east.sum() == pieces
+
+
 def test_a_direct_path_through_a_gap_ends_a_wall():
     wall = np.array([[90.0, 0.0]])
     rxs = np.array([[x, 10.0, 1.4] for x in (-24.0, -20.0, -16.0, 16.0, 20.0, 24.0)])

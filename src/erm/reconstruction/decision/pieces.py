@@ -105,7 +105,6 @@ def _missed_reflections(
     front, place = expected_reflections(wall.line, links.tx, links.rx)
     after = np.searchsorted(along, place)
     asked = (after > 0) & (after < len(along))
-    asked[asked] = np.diff(along)[after[asked] - 1] > SOLID_GAP
     received = np.zeros(len(links.tx), dtype=bool)
     received[wall.paths.link] = True
     asked &= ~received[front]

@@ -6,8 +6,9 @@ Reflection points show where it stands, and paths that pass through show where i
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import gammainc
+from scipy.special import betaln, gammainc
 
+from erm.common.odds import TWENTY_TO_ONE
 from erm.geometry.vertical import FloatArray
 from erm.reconstruction.model.line import Line
 from erm.reconstruction.model.paths import BoolArray, IntArray
@@ -18,9 +19,6 @@ CLEARANCE = 0.1
 SOLID_GAP = 5.0
 """Gap between reflection points up to which a wall is taken to be solid, unless a path passes through [m]. Chosen; not
 derived."""
-MIN_MISSED_LINKS = 3
-"""Links that must miss an expected reflection in a gap to show an opening. Of the gaps that one or two links missed,
-nine in ten were wall on random scenes, in a later experiment three in four."""
 STRAY_SHARE = 0.05
 """Largest share of a wall's inliers that may be from elsewhere. Chosen; not derived."""
 MAX_TESTED_PATHS = 256
@@ -122,8 +120,8 @@ def cut_wall(wall: Wall, max_gap: float, legs: Legs | None = None, missed: Float
 
     - that is longer than ``max_gap``,
     - that a leg or a direct path passes through below the higher of the two points, or
-    - that is longer than `SOLID_GAP` and within which `MIN_MISSED_LINKS` links should have received a reflection and
-      did not.
+    - that is longer than `SOLID_GAP` and within which more links than by chance should have received a reflection and
+      did not (`fewest_missed`).
 
     Each piece reaches beyond its outermost reflection points by their Fresnel zones, but not into a passage.
 
@@ -156,7 +154,8 @@ def cut_wall(wall: Wall, max_gap: float, legs: Legs | None = None, missed: Float
     if missed is not None and len(missed):
         between = np.searchsorted(along, missed)
         left = between[(between > 0) & (between < len(along))] - 1
-        ends |= (np.bincount(left, minlength=len(gap)) >= MIN_MISSED_LINKS) & (gap > SOLID_GAP)
+        count = np.bincount(left, minlength=len(gap))
+        ends |= (gap > SOLID_GAP) & (count >= fewest_missed(len(along), int(count[gap <= SOLID_GAP].sum())))
     margin = fresnel_margin(wall)[order]
     pieces = []
     for run in np.split(np.arange(len(along)), np.flatnonzero(ends) + 1):
@@ -166,6 +165,25 @@ def cut_wall(wall: Wall, max_gap: float, legs: Legs | None = None, missed: Float
         high_end = min(high + margin[run[-1]], (high + above_high.min()) / 2 if len(above_high) else np.inf)
         pieces.append(Piece(order[run], float(low_end), float(high_end)))
     return pieces
+
+
+def fewest_missed(received: int, missed: int) -> int:
+    """Fewest links that miss a reflection side by side and so show an opening.
+
+    Where a wall stands, ``received`` links of ``n = received + missed`` see it: between the panes of a facade with
+    relief some have no specular point. If every share of such links is equally likely beforehand, ``k`` more are missed
+    in a row with the probability ``B(received + 1, missed + k + 1) / B(received + 1, missed + 1)``. Any of the ``n``
+    may be the first of such a row.
+
+    Examples
+    --------
+    >>> fewest_missed(received=30, missed=0), fewest_missed(received=27, missed=5)
+    (3, 4)
+    """
+    more = np.arange(1, 2 + received + missed)
+    log_chance = betaln(received + 1, missed + more + 1) - betaln(received + 1, missed + 1)
+    shown = np.log(received + missed) + log_chance < -TWENTY_TO_ONE
+    return int(more[np.argmax(shown)]) if shown.any() else len(more) + 1
 
 
 def footprint(wall: Wall, pieces: list[Piece]) -> Footprint:
