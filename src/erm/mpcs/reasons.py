@@ -49,6 +49,10 @@ class Reason(StrEnum):
     IMPLAUSIBLE = "implausible", "multiple reflection more likely than a wall"
 
 
+OF_RECONSTRUCTION = tuple(Reason)[tuple(Reason).index(Reason.NOT_SHARED) :]
+"""Reasons of MPCs that may be single reflections, each alone."""
+
+
 def count_reasons(reasons: Iterable[str]) -> dict[Reason, int]:
     """Number of MPCs of each reason, the most frequent first.
 

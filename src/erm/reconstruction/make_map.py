@@ -10,6 +10,7 @@ from erm.maps.environment import Environment
 from erm.mpcs.options import Threshold
 from erm.reconstruction.model.paths import IntArray
 from erm.reconstruction.rounds import reconstruct_survey
+from erm.reconstruction.summary import explain_unused
 from erm.survey.bundle import SurveyStd
 from erm.survey.calibration import apply, calibrate, refined
 from erm.survey.conventions import contradictions, offsets
@@ -107,4 +108,6 @@ def make_map(
     environment.reflectors.attrs.update(
         origin | attributes(refined(calibration, located), causes, located, as_given=as_given)
     )
+    if not environment.reflectors.sizes["reflector"]:
+        environment.reflectors.attrs["empty"] = "; ".join(explain_unused(located, min_support))
     return environment, located

@@ -24,7 +24,8 @@ def page_contents(result: "CampaignResult") -> Contents:
     summary = [
         f"{counted(len(result.products), 'position')} and {counted(result.table.sizes['mpc'], 'MPC')}; "
         f"{result.reflectors}. Made by sounder run from {campaign.source.name}; the products of all positions are in "
-        f"the folder {PRODUCTS}. Errors after ± are one standard deviation."
+        f"the folder {PRODUCTS}. Errors after ± are one standard deviation.",
+        *filter(None, [result.environment.reflectors.attrs.get("empty")]),
     ]
     if "delay_std" in located:
         summary.append(

@@ -72,7 +72,10 @@ def contents_of_map(
     options = dict.fromkeys(root.attrs["processing_options"] for root in roots.values())
     return Contents(
         title=title,
-        summary=[f"{counted(len(roots), 'position')} and {counted(table.sizes['mpc'], 'MPC')}. Made by {maker}."],
+        summary=[
+            f"{counted(len(roots), 'position')} and {counted(table.sizes['mpc'], 'MPC')}. Made by {maker}.",
+            *filter(None, [environment.reflectors.attrs.get("empty")]),
+        ],
         products=roots,
         table=table,
         located=located,

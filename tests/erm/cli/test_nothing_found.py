@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.constants import c
 
-from erm.geometry.vertical import azimuth_of, mirrored
+from erm.geometry.vertical import azimuth_of, mirrored, unit
 from erm.maps.formats import read_map
 from erm.mpcs.files import write_mpcs
 from erm.mpcs.table import empty_table, make_table
@@ -32,6 +33,16 @@ def places(count):
     return np.column_stack([np.linspace(-20, 30, count), np.linspace(-2, 4, count), np.full(count, 1.5)])
 
 
+def scattered():
+    """One path a receiver, each off a wall of its own."""
+    turned = [90.0 + 31.0 * k for k in range(6)]
+    behind = [
+        min((np.vstack([TX, places(6)])[:, :2] @ unit(turn)).tolist()) - 5 - 2 * k for k, turn in enumerate(turned)
+    ]
+    parts = [table(places(6), wall).isel(mpc=[k]) for k, wall in enumerate(zip(turned, behind, strict=True))]
+    return xr.concat(parts, dim="mpc")
+
+
 WALL = (90.0, -9.0)
 SHARED = "no wall shared with other positions"
 CASES = {
@@ -44,7 +55,20 @@ CASES = {
         table(places(2), WALL),
         [f"not on the map: {SHARED} (2)", "2 antenna pairs: a wall needs paths of at least 3"],
     ),
-    "all LoS": (table(places(6)), ["not on the map: direct path (6)"]),
+    "all LoS": (
+        table(places(6)),
+        [
+            "not on the map: direct path (6)",
+            "no reflector: 0 of 6 MPCs of 6 antenna pairs may be single reflections",
+        ],
+    ),
+    "a path each from elsewhere": (
+        scattered(),
+        [
+            f"not on the map: {SHARED} (6)",
+            "no reflector: 6 of 6 MPCs of 6 antenna pairs may be single reflections, no 3 of them off one wall",
+        ],
+    ),
     "one position five times": (
         table(np.repeat(places(1), 5, axis=0), WALL),
         [f"not on the map: {SHARED} (5)", "1 antenna pair: a wall needs paths of at least 3"],
@@ -68,7 +92,9 @@ def test_what_tells_of_no_wall_is_a_legal_map_and_a_reason(tmp_path: Path, capsy
         if not line.startswith(("reflector\t", "typical standard errors", "calibration: "))
     ]
     assert said == [f"{out}: 0 walls and 0 poles from 0 of {mpcs.sizes['mpc']} MPCs", *reasons]
-    assert read_map(out).reflectors.sizes["reflector"] == 0
+    environment = read_map(out)
+    assert environment.reflectors.sizes["reflector"] == 0
+    assert environment.reflectors.attrs["empty"] == "; ".join(reasons)
 
 
 @pytest.mark.slow
