@@ -116,8 +116,9 @@ class Paths:
         Power in these beams within two samples of the peak [dB over the noise].
     expected : array (path, near)
         What the beams together and the pattern predict [dB over the noise].
-    losses : array (path, 2)
-        Power that the best and the second best of the beams about the path's own lose at most by the pattern [dB].
+    unseen : array (path,)
+        Power that a beam about the path's own lacks, in which the path must be seen from wherever in the main lobe of
+        its own it comes [dB]; 0 if there is none.
     consistent : array (path,)
         Whether one direction explains most beams, so that the prediction can be trusted.
     """
@@ -127,7 +128,7 @@ class Paths:
     around: Integers
     seen: Real
     expected: Real
-    losses: Real
+    unseen: Real
     consistent: NDArray[np.bool_]
 
     def take(self, rows: Integers) -> "Paths":
@@ -161,7 +162,7 @@ def find_paths(snr: NDArray[np.floating], near: Neighbours) -> Paths:
     coarse = near.gain[beam]
     best, expected = _fit(seen, coarse, around)
     best, expected = _fit(seen, _between(coarse, best), around)
-    paths = Paths(beam, delay, around, seen, expected, _losses(coarse, around), np.zeros(beam.size, bool))
+    paths = Paths(beam, delay, around, seen, expected, _unseen(seen, coarse, around), np.zeros(beam.size, bool))
     agree, clear = paths.agree.sum(axis=1), paths.clear.sum(axis=1)
     paths.consistent[:] = (agree >= MIN_BEAMS) & (agree >= MIN_SHARE * clear)
     return paths
@@ -202,16 +203,21 @@ def _fit(seen: Real, gain: NDArray[np.floating], around: Integers) -> tuple[Inte
     return best, expected[np.arange(best.size), best]
 
 
-def _losses(gain: NDArray[np.floating], around: Integers) -> Real:
-    """What the best and the second best of the beams about each path's own lose at most (path, 2) [dB].
+def _unseen(seen: Real, gain: NDArray[np.floating], around: Integers) -> Real:
+    """Power that beams about each path's own lack (path,) [dB]; 0 if some direction in its main lobe explains most.
 
-    Over the directions in the main lobe of its own beam that it sees best.
+    From whatever direction in its main lobe that its own beam sees best the path comes, most of the other beams that
+    must see it do not.
     """
-    others = np.sort(np.where((around >= 0)[:, None, 1:], gain[..., 1:], NOWHERE), axis=-1)[..., :-3:-1]
-    own = gain[..., :1]
-    inside = (own > MAIN_LOBE) & (own >= others[..., :1])
-    losses: Real = np.where(inside, own - others, -np.inf).max(axis=1).astype(float)
-    return losses
+    gain = np.where((around >= 0)[:, None, :], gain, NOWHERE)
+    own, others = gain[..., :1], gain[..., 1:]
+    least, found = seen[:, None, :1] + others - own, seen[:, None, 1:]
+    lacking = found < np.maximum(np.minimum(least - FADING, UNSEEN), least - MISSING)
+    most = 2 * lacking.sum(axis=-1) > (lacking | (least > UNSEEN)).sum(axis=-1)
+    inside = (own[..., 0] > MAIN_LOBE) & (own[..., 0] >= others.max(axis=-1, initial=NOWHERE))
+    lack = np.where(lacking, least - found, 0).max(axis=-1, initial=0)
+    lack = np.where(inside, np.where(most, lack, 0), np.inf).min(axis=1)
+    return np.where(np.isfinite(lack), lack, 0.0)
 
 
 def _between(gain: NDArray[np.floating], best: Integers) -> Real:
@@ -232,11 +238,11 @@ def _between(gain: NDArray[np.floating], best: Integers) -> Real:
 def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
     """How far each beam (beam,) contradicts the others [dB]; 0 where it does not.
 
-    A beam contradicts if a path that the beams about it see is missing in it by `MISSING` or more, or if it sees a path
-    that at most one of them sees although the antenna's lobes overlap. It does not if it agrees about another path
-    with `MIN_BEAMS` others: fewer agree by themselves. More power than expected is no contradiction: there may be a
-    second path. A beam that lacks a path by `MISSING`, which nearly all see through their sidelobes, contradicts in any
-    case.
+    A beam contradicts if a path about which more than `MIN_BEAMS` others agree is missing in it by `MISSING` or more
+    (fewer agree by themselves), or if it sees a path that they do not see although the antenna's lobes overlap. It does
+    not if it agrees about another path with `MIN_BEAMS` others. More power than expected is no contradiction: there may
+    be a second path. A beam that lacks a path by `MISSING`, which nearly all see through their sidelobes, contradicts
+    in any case.
 
     Parameters
     ----------
@@ -245,16 +251,12 @@ def contradictions(paths: Paths, snr: NDArray[np.floating]) -> Real:
         Power over the noise of the beam; 0 where nothing was recorded.
     """
     figure, agrees = np.zeros(len(snr)), np.zeros(len(snr), bool)
-    agree = paths.agree & (paths.agree.sum(axis=1) > MIN_BEAMS)[:, None] & paths.consistent[:, None]
-    agrees[paths.around[agree]] = True
+    sure = (paths.consistent & (paths.agree.sum(axis=1) > MIN_BEAMS))[:, None]
+    agrees[paths.around[paths.agree & sure]] = True
     short = paths.expected - paths.seen
-    missing = paths.consistent[:, None] & (paths.around >= 0) & (paths.seen < UNSEEN) & (short > MISSING)
-    missing &= paths.expected > EXPECTED
+    missing = sure & (paths.around >= 0) & (paths.seen < UNSEEN) & (short > MISSING) & (paths.expected > EXPECTED)
     np.maximum.at(figure, paths.around[missing], short[missing])
-    others = np.sort(np.where(paths.around >= 0, paths.seen, NOWHERE)[:, 1:], axis=1)[:, :-3:-1]
-    least = paths.seen[:, :1] - paths.losses
-    unseen = (others < np.maximum(np.minimum(least - FADING, UNSEEN), least - MISSING)).any(axis=1)
-    np.maximum.at(figure, paths.beam[unseen], (paths.seen[:, 0] - others.min(axis=1, initial=np.inf))[unseen])
+    np.maximum.at(figure, paths.beam, paths.unseen)
     lack = lacking(paths, snr)
     return np.maximum(np.where(agrees, 0, figure), np.where(lack > MISSING, lack, 0))
 

@@ -40,3 +40,17 @@ def test_three_beams_that_agree_about_a_path_of_their_own_absolve_none_of_them()
     paths = find_paths(snr, near)
     assert paths.consistent[paths.delay == DELAY].all()
     assert (contradictions(paths, snr)[slipped] > 0).all()
+
+
+@pytest.mark.parametrize(("slipped", "told"), [(False, False), (True, True)])
+def test_what_beams_two_steps_away_see_by_chance_does_not_vouch_for_a_beam_that_slipped(slipped, told):
+    # a path on the boresight of beam 18 is 12 dB weaker in both next beams; those beyond them see others at its delay
+    horn = load_sounder(calibration("sounder-132ghz.toml")).rx_antenna
+    azimuth = np.arange(0.0, 360.0, 10.0)
+    near = Neighbours.of(azimuth, np.zeros(1), horn)
+    snr = np.random.default_rng(3).exponential(1.0, (azimuth.size, 1022)).astype(np.float32)
+    lobe = 34 + Pattern.of(horn).beam_gain(180.0, 0.0, azimuth, np.zeros(azimuth.size))
+    seen = [18] if slipped else [17, 18, 19]
+    snr[seen, DELAY] = 10 ** (lobe[seen] / 10)
+    snr[[16, 20], DELAY] = 10**1.4, 10**0.7
+    assert (contradictions(find_paths(snr, near), snr)[18] > 0) == told
