@@ -22,8 +22,9 @@ def spectral_lines(
     """Strongest spectral line of each direction, and the bound for a channel.
 
     The transfer function of many paths is a complex Gaussian process, and so is noise: the power of a line is
-    exponential about the mean of its surroundings. A few strong paths vary less. De-embedding shapes noise, by a factor
-    of ten and more: the spectrum is taken relative to noise of that shape and a flat channel.
+    exponential about the mean of its surroundings. A few strong paths vary less. They may fade over the whole of a
+    block, at whose edge they are strong: each line is compared with two blocks that overlap by a half. De-embedding
+    shapes noise, by a factor of ten and more: the spectrum is taken relative to noise of that shape and a flat channel.
 
     Parameters
     ----------
@@ -36,24 +37,26 @@ def spectral_lines(
     Returns
     -------
     line : array (direction,)
-        Over the median of its block [dB].
+        Over the larger median of its blocks [dB].
     bound : float
         [dB]
     """
     size = responses.shape[-1]
     inside = np.flatnonzero(deembedding.weight > KEPT)
     inside = inside[np.argsort((inside + size // 2) % size)]
-    block = max(size // BLOCKS, 1)
-    inside = inside[: inside.size // block * block]
-    if not inside.size or not len(responses):
+    half = max(size // BLOCKS // 2, 1)
+    inside = inside[: inside.size // half * half]
+    if inside.size < 2 * half or not len(responses):
         return np.full(len(responses), -np.inf), 0.0
     power = np.abs(np.fft.fft(responses)[:, inside] / deembedding.weight[inside]) ** 2
     noise = np.outer(size * level, deembedding.noise[inside] / deembedding.weight[inside] ** 2)
     expected = noise + np.maximum(power.mean(axis=1) - noise.mean(axis=1), 0)[:, None]
     expected[:, inside == 0] = np.inf  # not measured
-    blocks = (power / expected).reshape(len(power), -1, block)
-    line = np.max(blocks.max(axis=-1) / np.median(blocks, axis=-1), axis=-1)
-    return 10 * np.log10(line), 10 * float(np.log10(line_bound(inside.size * len(responses), block)))
+    halves = (power / expected).reshape(len(power), -1, half)
+    usual = np.median(np.concatenate([halves[:, :-1], halves[:, 1:]], axis=-1), axis=-1)
+    about = np.maximum(usual[:, np.r_[0, : usual.shape[1]]], usual[:, np.r_[: usual.shape[1], -1]])
+    line = np.max(halves.max(axis=-1) / about, axis=-1)
+    return 10 * np.log10(line), 10 * float(np.log10(line_bound(inside.size * len(responses), 2 * half)))
 
 
 @cache
