@@ -46,8 +46,7 @@ def check_overlaps(scan: Scan) -> None:
     shifted = np.zeros(beams, np.int64)
     against = np.zeros(beams)
     for _ in range(ROUNDS):
-        shapes = Shapes(scan.responses.reshape(beams, -1), scan.noise.ravel())
-        shifts = slips(measure_delays(snr, paths, near, CLOSE, strict=True), shapes, recording.elevation.size)
+        shifts = slips(measure_delays(snr, paths, near, CLOSE, strict=True), _shapes(scan), recording.elevation.size)
         if not shifts.any():
             against = contradictions(paths, snr)
             shifts = _reconciling_shifts(snr, near, np.maximum(against, lacking(paths, snr)))
@@ -67,6 +66,11 @@ def check_overlaps(scan: Scan) -> None:
         scan.remark(Code.SLIPPED, *scan.place(int(beam)), shifted[beam], 0.0)
     for beam in np.flatnonzero(against):
         scan.remark(Code.INCONSISTENT, *scan.place(int(beam)), against[beam], MISSING)
+
+
+def _shapes(scan: Scan) -> Shapes:
+    """Responses of all beams as they are now."""
+    return Shapes(scan.responses.reshape(scan.noise.size, -1), scan.noise.ravel())
 
 
 def _reconciling_shifts(snr: NDArray[np.float32], near: Neighbours, against: Real) -> Integers:
@@ -98,7 +102,7 @@ def _mend_lost_samples(scan: Scan, delays: Delays) -> bool:
     """Shift back the directions after samples were lost."""
     order = scan.order.ravel()
     first, shift = lost_samples(delays, order)
-    if not shift:
+    if not shift or not _shapes(scan).explain_loss(delays, order[delays.beam] >= first, shift):
         return False
     for beam in np.flatnonzero(order >= first):
         scan.roll(int(beam), shift)

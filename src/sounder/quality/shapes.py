@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sounder.quality.clock import ALIKE, LEAST_GAIN
 from sounder.quality.delays import SIGMAS, UNRESOLVED, Delays
 
 Complex = NDArray[np.complexfloating]
@@ -58,3 +59,29 @@ class Shapes:
         left = energy - np.abs(np.vdot(common, own)) ** 2
         noise = self.noise[beam] * (about.size + SIGMAS * np.sqrt(about.size))
         return bool(left < UNRESOLVED**2 * energy + noise)
+
+    def explain_loss(self, delays: Delays, later: NDArray[np.bool_], shift: int) -> bool:
+        """Whether beams after a loss of samples hold what those before it see, later by its shift.
+
+        A loss shifts all of them: each that is explained without the shift stands against as many as a loss must make
+        agree.
+
+        Parameters
+        ----------
+        delays : Delays
+        later : array (delay,)
+            The delays in beams after the loss.
+        shift : int
+            Their delay against those before it [sample].
+        """
+        shifted = unshifted = 0
+        for path in np.unique(delays.path[later]):
+            rows = delays.path == path
+            before = rows & ~later
+            if not before.any():
+                continue
+            before &= np.abs(delays.delay - np.median(delays.delay[before])) < ALIKE
+            for row in np.flatnonzero(rows & later) if before.sum() > 1 else ():
+                shifted += self.explains(delays, before, int(row), shift)
+                unshifted += self.explains(delays, before, int(row), 0)
+        return shifted >= LEAST_GAIN * (1 + unshifted)

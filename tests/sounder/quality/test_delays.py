@@ -58,6 +58,17 @@ def test_samples_lost_during_the_scan(first, shift):
     assert abs(found[0] - first) <= 12  # no path is seen by every beam
 
 
+def test_a_loss_of_samples_is_one_that_shifts_what_beams_see():
+    """Paths that are later in later beams by themselves shift no pulse: the beams see two that are not resolved."""
+    first, shift = 50, 3
+    lost = delays(1, np.where(first <= ORDER, shift, 0.0))
+    later = ORDER[lost.beam] >= first
+    assert shapes(lost).explain_loss(lost, later, shift)
+    assert not shapes(lost, np.where(first <= ORDER, 2.0 * shift, 0.0)).explain_loss(lost, later, shift)
+    clean = delays(1, np.zeros(BEAMS))
+    assert not shapes(clean).explain_loss(clean, later, shift)
+
+
 def test_beams_that_slipped_by_whole_samples_are_found():
     offset = np.zeros(BEAMS)
     slipped = np.unique(delays(2, offset).beam)[::9]
