@@ -24,8 +24,9 @@ from erm.mpcs.survey_widths import survey_widths
 from erm.reconstruction.clock_of_chains import ChainsAt, with_clock_of_chains
 from erm.reconstruction.curved.faces import Curved
 from erm.reconstruction.curved.fit import compared
-from erm.reconstruction.decision.chains import Chains, ChainSearch
+from erm.reconstruction.decision.chains import Chains, ChainSearch, first_of_each_path
 from erm.reconstruction.decision.decide import Decision
+from erm.reconstruction.images_of_chains import chains_of_images
 from erm.reconstruction.model.fit import fit_line
 from erm.reconstruction.model.line import Line, Lines
 from erm.reconstruction.model.paths import BoolArray, IntArray, Paths
@@ -108,12 +109,14 @@ def bundle_walls(
     if positions.common:
         found = found.at_clock(float(found.common[1]), float(np.hypot(found.clock_std, positions.clock_doubt)))
 
-    def chains_at(bundle: Bundle) -> ChainsAt:
-        lines, joint = _lines(walls, bundle)
+    def search_at(bundle: Bundle) -> ChainSearch:
         free_paths = problem.without_errors(rest, positions.updated(bundle))
         possible = np.isfinite(free_paths.virtual_anchors()[:, 0])  # longer than the direct path
-        search = ChainSearch(walls, free_paths.take(possible), max_gap)
-        return ChainsAt(search.find(lines, joint), lines, joint)
+        return ChainSearch(walls, free_paths.take(possible), max_gap)
+
+    def chains_at(bundle: Bundle) -> ChainsAt:
+        lines, joint = _lines(walls, bundle)
+        return ChainsAt(search_at(bundle).find(lines, joint), lines, joint)
 
     told = 0.0
     searched = len(walls) > 1 and len(rest) > 0
@@ -123,11 +126,15 @@ def bundle_walls(
         for k, image in enumerate(images):
             of_image[image.paths.row] = k
         found, told = with_clock_of_chains(found, single, chains_at, of_image, float(np.ptp(measured.length)))
-    # chains at one value of the clock contradict those at others
-    for _ in range(MAX_ADJUSTMENTS if searched and found.clock_std < SIGMAS * single else 0):
-        # found without the errors of positions, adjusted as they were measured
-        before = chains
-        sets = [one._replace(paths=measured.take(one.paths.row)) for one in chains_at(found).chains]
+    of_images: list[Chains] = []
+    for _ in range(MAX_ADJUSTMENTS if searched else 0):
+        before, search, (lines, joint) = chains, search_at(found), _lines(walls, found)
+        if positions.inexact:
+            own = list(compress(images, kept[len(walls) :]))
+            of_images += chains_of_images(own, found, len(walls), search, lines)
+        # chains at one value of the clock contradict those at others, but an image is adjusted with its walls
+        sets = [*of_images, *(search.find(lines, joint) if found.clock_std < SIGMAS * single else [])]
+        sets = [one._replace(paths=measured.take(one.paths.row)) for one in first_of_each_path(sets)]
         chains = concatenate_rows(one.paths.row for one in sets)
         if np.array_equal(chains, before):
             break

@@ -43,6 +43,17 @@ class Chains(NamedTuple):
     walls: IntArray  # (path, bounce)
 
 
+def first_of_each_path(chains: Sequence[Chains]) -> list[Chains]:
+    """The first chain of each path."""
+    taken = np.empty(0, dtype=np.int64)
+    result = []
+    for one in chains:
+        fresh = ~np.isin(one.paths.row, taken)
+        taken = np.r_[taken, one.paths.row]
+        result.append(Chains(one.paths.take(fresh), one.walls[fresh]))
+    return [one for one in result if len(one.paths)]
+
+
 def predict_chains(tx: FloatArray, rx: FloatArray, walls: IntArray, lines: Lines) -> Prediction:
     """Predict the paths (path,) of antennas (path, 3) that met walls (path, bounce), transmitter first, by images."""
     places, slopes = _images(tx[:, :2], walls, lines)
@@ -98,13 +109,7 @@ class ChainSearch:
             longer = [np.column_stack([pairs, np.full(len(pairs), last)]) for last in range(count)] if explained else []
             tried = np.unique(np.vstack([back, *longer]), axis=0)
             tried = tried[tried[:, 1] != tried[:, 2]]
-        taken: set[int] = set()
-        result = []
-        for one in found:
-            fresh = ~np.isin(one.paths.row, list(taken))
-            taken |= set(one.paths.row.tolist())
-            result.append(Chains(one.paths.take(fresh), one.walls[fresh]))
-        return [one for one in result if len(one.paths)]
+        return first_of_each_path(found)
 
     def _explained(self, tried: IntArray, lines: Lines, covariance: FloatArray) -> Chains | None:
         """Paths that chains (chain, bounce) explain; None if too many of them would be by chance."""
@@ -122,7 +127,7 @@ class ChainSearch:
         paths = self.paths.take(rows)
         found = predict_chains(paths.tx, paths.rx, chain, lines)
         chi2 = _chi_squared(paths, found, chain, covariance)
-        in_ring = (chi2 < RING_RADIUS**2 * CHI_SQUARED_GATE) & self._is_possible(paths, chain, lines)
+        in_ring = (chi2 < RING_RADIUS**2 * CHI_SQUARED_GATE) & self.possible(paths, chain, lines)
         chain, rows, chi2 = chain[in_ring], rows[in_ring], chi2[in_ring]
         inside = chi2 < CHI_SQUARED_GATE
         by_chance = np.count_nonzero(~inside) / (RING_RADIUS**2 - 1)
@@ -138,7 +143,7 @@ class ChainSearch:
             chain, rows, chi2, number = chain[best], rows[best], chi2[best], number[best]
         return Chains(self.paths.take(rows), chain) if len(rows) else None
 
-    def _is_possible(self, paths: Paths, chain: IntArray, lines: Lines) -> BoolArray:
+    def possible(self, paths: Paths, chain: IntArray, lines: Lines) -> BoolArray:
         """Whether (path,) the walls may stand where the paths would meet them, and lose what the paths lost."""
         places, _ = _images(paths.tx[:, :2], chain, lines)
         here = paths.rx[:, :2]
