@@ -20,15 +20,18 @@ from erm.mpcs.standard_errors import ASSUMED, SMALLEST_ERRORS
 from erm.mpcs.table import free_space_gain
 from erm.survey.direct_paths import (
     LEAST_EVIDENCE,
+    SPREADS,
     USUAL_CLOCK,
     USUAL_HEADING,
     DirectPaths,
     direct_paths_at,
     find_direct_paths,
+    latest_clock,
     one_sided_evidence,
 )
 from erm.survey.gains import CLEAR_STD, offset_likelihood
 from erm.survey.observations import Observations
+from erm.survey.sharpness import Sharpness
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -175,9 +178,12 @@ def contradictions(table: "xr.Dataset") -> list[Cause]:
             break
         tied = [one for one in tried if one[0].evidence > best - TIED]
         gained = best - current.evidence
-        seen = tied[0][1]
-        current = _agreement(seen)
         untried = [one for one in untried if one not in [convention for _, _, convention in tied]]
+        changed = tied[0][1]
+        if any(one.geometric for _, _, one in tied) and _with_images(changed) < _with_images(seen) + MARGIN:
+            continue
+        seen = changed
+        current = _agreement(seen)
         names = tuple(convention.text for _, _, convention in tied)
         causes.append(Cause(names, gained, round(current.number), len(seen.tx)))
     if not current.believable:
@@ -257,6 +263,23 @@ def _agreement(seen: Observations, direct: DirectPaths | None = None) -> _Agreem
         + _frequency_prior(seen),
         direct,
     )
+
+
+def _with_images(seen: Observations) -> float:
+    """Evidence of direct paths and of mirror images together, at the heading and clock where it is largest.
+
+    Without direct paths, in a street alike on both sides, first reflections agree as mirrored direct paths would. Then
+    images agree better as given; of a table that is mirrored they agree less.
+    """
+    best = 0.0
+    for spreads in SPREADS[:2]:
+        sharpness = Sharpness(seen, *spreads)
+        tried = [(peak.clock, peak.heading) for peak in sharpness.search(latest_clock(seen))]
+        tried += [(one.clock, one.heading) for one in find_direct_paths(seen, most=1)]
+        for clock, heading in tried:
+            direct = direct_paths_at(seen, clock, heading, spreads)
+            best = max(best, sharpness.evidence(direct.clock, direct.heading) + direct.evidence)
+    return best
 
 
 def _frequency_prior(seen: Observations) -> float:

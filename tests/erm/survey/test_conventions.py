@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import erm
 from erm.survey.conventions import contradictions, offsets
 
-from .streets import street
+from .streets import noisy, street
 
 pytestmark = pytest.mark.slow
 
@@ -78,3 +79,22 @@ def test_nothing_is_named_without_direct_paths():
     table = table.isel(mpc=np.flatnonzero(excess > 1))
     assert contradictions(table) == []
     assert contradictions(table.assign(azimuth=90 - table["azimuth"])) == []
+
+
+@pytest.mark.parametrize("seed", [16, 30])
+def test_first_reflections_off_both_sides_of_a_street_are_no_mirrored_direct_paths(seed):
+    rng = np.random.default_rng([31, seed])
+    walls = []
+    for side in (-1, 1):
+        east = -80.0
+        while east < 80:
+            length, line = rng.uniform(12, 40), side * rng.uniform(9, 16)
+            turn = rng.normal(0, 0.03) * length
+            walls.append([[east, line - turn], [east + length, line + turn]])
+            east += length + rng.uniform(0, 6)
+    receivers = np.column_stack([rng.uniform(-60, 60, 24), rng.uniform(-7, 7, 24), np.full(24, 1.5)])
+    tx = (rng.uniform(-60, 60), rng.uniform(-7, 7), rng.uniform(4, 15))
+    street = erm.Environment.walls(walls, top=20.0)
+    links = [erm.predict(street, tx, rx, 132e9, max_order=2) for rx in receivers]
+    table = xr.concat([link.isel(mpc=link["order"].values > 0) for link in links], dim="mpc")
+    assert contradictions(noisy(table, rng)) == []
