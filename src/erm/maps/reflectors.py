@@ -34,6 +34,7 @@ VARIABLES: Mapping[str, tuple[tuple[str, ...], str, str]] = {
     "residual": ((), "1", "chi-squared of these MPCs per degree of freedom"),
     "relief": ((), "m", "standard deviation of the offsets of the parts of a facade"),
     "tilt": ((), "degree", "standard deviation of the directions of the parts of a facade"),
+    "unseen": (("end",), "m", "length beyond each end of a wall up to which it may go on unseen"),
     "material": ((), "", "name of the material"),
 }
 """Further dimensions, unit and description of each variable."""
@@ -56,6 +57,7 @@ def make_reflectors(
     residual: ArrayLike = np.nan,
     relief: ArrayLike = np.nan,
     tilt: ArrayLike = np.nan,
+    unseen: ArrayLike = np.nan,
     material: ArrayLike = DEFAULT_MATERIAL,
 ) -> "xr.Dataset":
     """Make a table of reflectors. Single values apply to all reflectors.
@@ -89,6 +91,9 @@ def make_reflectors(
         Chi-squared of these MPCs per degree of freedom; NaN if unknown.
     relief, tilt : array (reflector,)
         Standard deviations of the offsets [m] and directions [degree] of the parts of a facade; NaN if unknown.
+    unseen : array (reflector, 2)
+        Length beyond each end of a wall up to which it may go on [m]: no link would have shown it. From there on links
+        that should have seen it did not. NaN where nothing shows its end.
     material : array (reflector,) of str
 
     Returns
@@ -124,6 +129,7 @@ def make_reflectors(
         ("residual", residual, float, ()),
         ("relief", relief, float, ()),
         ("tilt", tilt, float, ()),
+        ("unseen", unseen, float, (2,)),
         ("material", material, str, ()),
     )
     for name, value, dtype, shape in given:

@@ -63,7 +63,19 @@ def assemble(
     for wall, why in decision.rejected:
         reason[wall.paths.row] = why
     reason[chains] = Reason.MULTIPLE_REFLECTION
-    names = ("end_points", "top", "normal", "offset", "covariance", "support", "residual", "relief", "tilt", "material")
+    names = (
+        "end_points",
+        "top",
+        "normal",
+        "offset",
+        "covariance",
+        "support",
+        "residual",
+        "relief",
+        "tilt",
+        "material",
+        "unseen",
+    )
     columns: dict[str, list] = {name: [] for name in names}
     for wall, pieces in zip(decision.walls, decision.pieces, strict=True):
         line = wall.line.with_pivot(np.zeros(2))
@@ -86,6 +98,7 @@ def assemble(
             columns["relief"].append(relief)
             columns["tilt"].append(tilt)
             columns["material"].append(material.name)
+            columns["unseen"].append(piece.unseen)
     reflectors = make_reflectors(
         np.reshape(columns.pop("end_points"), (-1, 2, 2)),
         base=ground,

@@ -145,6 +145,24 @@ def test_three_links_that_saw_no_wall_side_by_side_end_it_only_where_others_near
     assert east.sum() == pieces
 
 
+def test_a_wall_may_go_on_unseen_up_to_the_third_link_that_should_have_seen_it():
+    # the wall east = 30 is seen up to north = 12; links 10 m in front of it expect reflections at 3/4 of their north
+    tx = np.array([[0.0, 0.0, 10.0]])
+    heard = np.column_stack([np.zeros(8), np.linspace(-24, 24, 8), np.full(8, 1.4)])
+    deaf = np.array([[20.0, north, 1.4] for north in (24.0, 28.0, 32.0)])
+    wall = scene(np.array([[180.0, -30.0]]), tx, heard, 1e-11, 0.1)
+    elsewhere = scene(np.array([[0.0, -20.0]]), tx, deaf, 1e-11, 0.1, seed=5)
+    for count, bound in ((3, 24.0), (2, np.nan)):
+        kept = elsewhere.isel(mpc=np.isin(elsewhere["rx_position"].values[:, 1], deaf[:count, 1]))
+        environment, _ = reconstruct(select(xr.concat([wall, kept], dim="mpc")))
+        one = environment.reflectors.isel(reflector=int(np.argmax(environment.reflectors["support"].values)))
+        north = one["end_points"].values[:, 1]
+        up = int(np.argmax(north))
+        # noise turns the wall by hundredths of a degree: centimetres at its ends
+        np.testing.assert_allclose(north[up] + one["unseen"].values[up], bound, atol=0.05)
+        assert np.isnan(one["unseen"].values[1 - up])
+
+
 def test_a_direct_path_through_a_gap_ends_a_wall():
     wall = np.array([[90.0, 0.0]])
     rxs = np.array([[x, 10.0, 1.4] for x in (-24.0, -20.0, -16.0, 16.0, 20.0, 24.0)])

@@ -28,12 +28,13 @@ COVARIANCES = {
     "north_variance": ("centre_covariance", 1, 1),
 }
 """Variable, row and column of each column of a covariance."""
+UNSEEN = ("first_unseen", "second_unseen")
 CENTRE = ("centre_east", "centre_north")
 NUMBERS = ("radius", "radius_std", "base", "top", "normal", "offset", "residual", "relief", "tilt")
 DEFAULTS: Mapping[str, object] = {
     "kind": "wall", "radius": 0.0, "base": 0.0, "top": np.inf, "normal": np.nan, "offset": np.nan,
     **dict.fromkeys(COVARIANCES, np.nan), "support": 0, "residual": np.nan, "material": DEFAULT_MATERIAL,
-    **dict.fromkeys((*CENTRE, "radius_std", "relief", "tilt"), np.nan),
+    **dict.fromkeys((*CENTRE, *UNSEEN, "radius_std", "relief", "tilt"), np.nan),
 }  # fmt: skip
 """Values of columns that a hand-made file leaves out."""
 MISSING: Mapping[str, float] = {"radius": 0.0, "base": -np.inf, "top": np.inf, "support": 0.0}
@@ -51,6 +52,8 @@ def to_columns(reflectors: "xr.Dataset") -> Columns:
             columns[name] = reflectors[variable].values[:, row, column]
         elif name in CENTRE:
             columns[name] = reflectors.centre.values[:, CENTRE.index(name)]
+        elif name in UNSEEN:
+            columns[name] = reflectors.unseen.values[:, UNSEEN.index(name)]
         else:
             columns[name] = reflectors[name].values
     return columns
@@ -81,6 +84,7 @@ def to_environment(columns: Columns, scene: Mapping[str, Any]) -> Environment:
     table = make_reflectors(
         ends,
         centre=np.stack([number(columns, name, count) for name in CENTRE], axis=-1),
+        unseen=np.stack([number(columns, name, count) for name in UNSEEN], axis=-1),
         **matrices,
         support=_counts(columns, "support", count),
         **numbers,

@@ -11,13 +11,13 @@ from erm.common.errors import DataError
 from erm.common.gate.hdf5 import open_hdf5
 from erm.common.gate.nesting import parse_json
 from erm.common.storage import open_group, write_product
-from erm.maps.formats.columns import CENTRE, COVARIANCES, DEFAULTS, ENDS, Columns
+from erm.maps.formats.columns import CENTRE, COVARIANCES, DEFAULTS, ENDS, UNSEEN, Columns
 
 if TYPE_CHECKING:
     import xarray as xr
 
 UNITS = (
-    dict.fromkeys((*ENDS, *CENTRE, "radius", "radius_std", "base", "top", "offset", "relief"), "m")
+    dict.fromkeys((*ENDS, *CENTRE, *UNSEEN, "radius", "radius_std", "base", "top", "offset", "relief"), "m")
     | dict.fromkeys(("normal", "tilt"), "degree")
     | dict(zip(COVARIANCES, ("degree2", "degree m", "m2", "m2", "m2", "m2"), strict=True))
 )

@@ -9,7 +9,6 @@ import shapely
 from erm.geometry.vertical import FloatArray
 from erm.reconstruction.model.extent import (
     MAX_TESTED_PATHS,
-    SOLID_GAP,
     Footprint,
     Legs,
     Piece,
@@ -100,14 +99,11 @@ def _missed_reflections(
 ) -> FloatArray:
     """Places (n,) along a wall where links should have received a reflection and did not, with nothing between [m]."""
     along = np.sort(wall.line.along(wall.reflection_points))
-    if np.diff(along).max(initial=0.0) <= SOLID_GAP:
-        return np.empty(0)
     front, place = expected_reflections(wall.line, links.tx, links.rx)
     after = np.searchsorted(along, place)
-    asked = (after > 0) & (after < len(along))
     received = np.zeros(len(links.tx), dtype=bool)
     received[wall.paths.link] = True
-    asked &= ~received[front]
+    asked = ~received[front]
     front, after = front[asked], after[asked]
     points = reflection_points(wall.line, links.tx[front], links.rx[front])
     length = np.linalg.norm(links.tx[front] - points, axis=-1) + np.linalg.norm(links.rx[front] - points, axis=-1)

@@ -41,6 +41,7 @@ class Piece(NamedTuple):
     inliers: IntArray  # indices of the wall's inliers
     low: float  # m
     high: float  # m
+    unseen: FloatArray  # (2,) m, beyond either end, up to which it may go on; NaN where nothing shows its end
 
 
 class Footprint(NamedTuple):
@@ -134,6 +135,12 @@ def cut_wall(wall: Wall, max_gap: float, legs: Legs | None = None, missed: Float
         Legs known to be unobstructed.
     missed : array (n,), optional
         Places along the wall of reflections that were expected and not received [m].
+
+    Returns
+    -------
+    list of Piece
+        Beyond its ends a piece may go on unseen as far as the place by which as many links missed it as show an opening
+        (`fewest_missed`), or the next piece.
     """
     along = wall.line.along(wall.reflection_points)
     order = np.argsort(along, kind="stable")
@@ -151,11 +158,11 @@ def cut_wall(wall: Wall, max_gap: float, legs: Legs | None = None, missed: Float
         ends[left[below]] = True
         near = np.clip(between, 0, len(along) - 1)
         passages = place[up < np.maximum(height[near], height[np.maximum(near - 1, 0)])]
-    if missed is not None and len(missed):
-        between = np.searchsorted(along, missed)
-        left = between[(between > 0) & (between < len(along))] - 1
-        count = np.bincount(left, minlength=len(gap))
-        ends |= (gap > SOLID_GAP) & (count >= fewest_missed(len(along), int(count[gap <= SOLID_GAP].sum())))
+    missed = np.empty(0) if missed is None else np.sort(missed)
+    between = np.searchsorted(along, missed)
+    count = np.bincount(between[(between > 0) & (between < len(along))] - 1, minlength=len(gap))
+    fewest = fewest_missed(len(along), int(count[gap <= SOLID_GAP].sum()))
+    ends |= (gap > SOLID_GAP) & (count >= fewest)
     margin = fresnel_margin(wall)[order]
     pieces = []
     for run in np.split(np.arange(len(along)), np.flatnonzero(ends) + 1):
@@ -163,7 +170,11 @@ def cut_wall(wall: Wall, max_gap: float, legs: Legs | None = None, missed: Float
         below_low, above_high = passages[passages < low], passages[passages > high]
         low_end = max(low - margin[run[0]], (low + below_low.max()) / 2 if len(below_low) else -np.inf)
         high_end = min(high + margin[run[-1]], (high + above_high.min()) / 2 if len(above_high) else np.inf)
-        pieces.append(Piece(order[run], float(low_end), float(high_end)))
+        before, after = missed[missed < low], missed[missed > high]
+        stops_low = [*before[::-1][fewest - 1 : fewest], *along[run[0] - 1 : run[0]]]
+        stops_high = [*after[fewest - 1 : fewest], *along[run[-1] + 1 : run[-1] + 2]]
+        unseen = np.array([low_end - max(stops_low, default=np.nan), min(stops_high, default=np.nan) - high_end])
+        pieces.append(Piece(order[run], float(low_end), float(high_end), np.maximum(unseen, 0.0)))
     return pieces
 
 
