@@ -33,7 +33,8 @@ class Elements(NamedTuple):
 
     def take(self, rows: IntArray | BoolArray) -> "Elements":
         """Return the elements of an index (...,) or mask."""
-        columns: list[Any] = [column[rows] for column in self]
+        rows = np.flatnonzero(rows) if rows.dtype == bool else rows
+        columns: list[Any] = [column.take(rows, axis=0) for column in self]  # ten times as fast as column[rows]
         return Elements(*columns)
 
     def centre_covariance(self, radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -149,7 +149,8 @@ class Paths:
 
     def take(self, rows: IntArray | BoolArray) -> "Paths":
         """Return the paths of an index or mask."""
-        return Paths(*(getattr(self, one.name)[rows] for one in fields(self)))
+        rows = np.flatnonzero(rows) if rows.dtype == bool else rows
+        return Paths(*(getattr(self, one.name).take(rows, axis=0) for one in fields(self)))
 
     def with_errors(self, length_std: FloatArray, azimuth_std: FloatArray) -> "Paths":
         """Return the same paths with other standard errors."""
