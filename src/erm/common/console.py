@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from erm.common.atomic import atomic_path
 from erm.common.errors import DataError, OptionError, internal_error, with_traceback
@@ -42,21 +42,32 @@ def run(app: "typer.Typer") -> None:
 
     Exit codes: 0 all done, 1 data failed, 2 wrong usage, 70 internal error, 130 after Ctrl-C, 143 after SIGTERM.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _interrupt)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # the terminal may lack a letter of a name
-    usual, sys.unraisablehook = sys.unraisablehook, _unraisable
+    usual = sys.unraisablehook
     try:
+        _listen(_interrupt)
+        sys.unraisablehook = _unraisable
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")  # the terminal may lack a letter of a name
         code = _run(app)
+        _listen(signal.SIG_DFL)  # nothing is left to clean up
         if sys.stdout is not None:
             sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = _stopped()
     except OSError as error:
-        code = _output_failed(error)
+        code = _stopped() if _interrupted.is_set() else _output_failed(error)
     finally:
         sys.unraisablehook = usual
     raise SystemExit(code)
+
+
+def _listen(handler: Any) -> None:
+    """Set what happens on Ctrl-C and SIGTERM."""
+    _interrupted.clear()
+    _terminated.clear()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)
 
 
 def _run(app: "typer.Typer") -> int:
@@ -68,28 +79,30 @@ def _run(app: "typer.Typer") -> int:
         code = app(standalone_mode=False)
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else DATA_FAILED
-    except DataError as error:
-        failure(str(error))
-        return WRONG_USAGE if isinstance(error, OptionError) else DATA_FAILED
-    except usage_error as error:
-        failure(usage_message(error))
-        return WRONG_USAGE
     except OSError:
         raise
     except Exception as error:
-        cause = error.__cause__ if isinstance(error, Abort) else error
-        if not isinstance(cause, Exception):  # Ctrl-C in versions of typer that do not return 130
-            code = INTERRUPTED
-        elif isinstance(cause, MemoryError):
+        cause = error.__cause__ or error if isinstance(error, Abort) else error
+        if _interrupted.is_set():  # some libraries make errors of their own of it
+            return _stopped()
+        if isinstance(cause, DataError):
+            failure(str(cause))
+            return WRONG_USAGE if isinstance(cause, OptionError) else DATA_FAILED
+        if isinstance(cause, usage_error):
+            failure(usage_message(cause))
+            return WRONG_USAGE
+        if isinstance(cause, MemoryError):
             print("the memory of this machine is not enough", file=sys.stderr)
             return DATA_FAILED
-        else:  # typer takes the end of a file (EOFError) for the end of typing
-            print(internal_error(cause), file=sys.stderr)
-            return INTERNAL
-    if code == INTERRUPTED:
-        print("interrupted; finished files are complete, unfinished ones were removed", file=sys.stderr)
-        return TERMINATED if _terminated.is_set() else INTERRUPTED
-    return code or 0
+        print(internal_error(cause), file=sys.stderr)  # typer takes the end of a file (EOFError) for the end of typing
+        return INTERNAL
+    return _stopped() if code == INTERRUPTED else code or 0
+
+
+def _stopped() -> int:
+    """Say that the command was asked to end."""
+    print("interrupted; finished files are complete, unfinished ones were removed", file=sys.stderr)
+    return TERMINATED if _terminated.is_set() else INTERRUPTED
 
 
 def _output_failed(error: OSError) -> int:

@@ -12,8 +12,7 @@ def launch(module: str) -> None:
     """Load a module and run its ``main``."""
     os.environ["MPLBACKEND"] = "agg"  # notebooks leave theirs to the commands that they start; these draw files only
     try:
-        main = import_module(module).main
+        import_module(module).main()
     except KeyboardInterrupt:
         print("interrupted; nothing was done", file=sys.stderr)
         raise SystemExit(INTERRUPTED) from None
-    main()

@@ -213,6 +213,34 @@ def test_an_interrupt_that_the_interpreter_loses_is_raised_at_the_next_step(caps
     assert capsys.readouterr().err == "interrupted; finished files are complete, unfinished ones were removed\n"
 
 
+@pytest.fixture
+def handlers():
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("handlers")
+def test_an_interrupt_that_a_library_makes_an_error_of_is_no_error_of_a_file(capsys):
+    def body() -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise DataError("x.h5: damaged HDF5 file (object visitation failed)") from None
+
+    assert exit_code(body) == console.TERMINATED
+    assert capsys.readouterr().err == "interrupted; finished files are complete, unfinished ones were removed\n"
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL  # what comes later ends the process without a word
+
+
+@pytest.mark.usefixtures("handlers")
+def test_an_interrupt_before_the_command_begins_is_one_line(capsys, monkeypatch):
+    monkeypatch.setattr(console, "_run", lambda app: signal.raise_signal(signal.SIGTERM))
+    assert exit_code(lambda: None) == console.TERMINATED
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_a_wrong_option_is_one_line_and_2(capsys):
     def body() -> None:
         raise OptionError("--x is nan; expected a number")
