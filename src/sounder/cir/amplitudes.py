@@ -28,7 +28,7 @@ def within_range(captures: Captures) -> bool:
     >>> within_range(np.array([[3e4, 2j]])), within_range(np.array([[np.nan, 0]])), within_range(np.array([[1e10]]))
     (True, False, False)
     """
-    return captures.dtype.kind == "i" or bool((np.abs(captures) < LARGEST).all())
+    return captures.dtype.kind == "i" or float(np.abs(captures).max(initial=0)) < LARGEST
 
 
 def amplitude_wall(capture: Captures | NDArray[np.complex128]) -> float:

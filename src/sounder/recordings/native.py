@@ -190,11 +190,15 @@ def back_to_back(path: Path) -> BackToBack:
 
 def _attenuator(file: Group, path: Path) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     _require(file, path, ("attenuator_frequency",))
-    frequency, s21 = _ascending(file, path, "attenuator_frequency"), file.dataset("attenuator_s21").numbers()
+    frequency, s21 = (
+        _ascending(file, path, "attenuator_frequency"),
+        file.dataset("attenuator_s21").numbers().astype(float),
+    )
     if s21.shape != (frequency.size, 2):
         raise DataError(f"{path}: attenuator_s21 has shape {s21.shape}; expected ({frequency.size}, 2)")
-    if not (np.abs(s21) <= 10 ** (MAX_AGC_GAIN / 20)).all():
-        raise DataError(f"{path}: attenuator_s21 is NaN or has a gain beyond {MAX_AGC_GAIN:g} dB; measure it again")
+    most = 10 ** (MAX_AGC_GAIN / 20)
+    if not 1 / most <= np.abs(s21).max(initial=0) <= most:
+        raise DataError(f"{path}: attenuator_s21 is NaN or beyond {MAX_AGC_GAIN:g} dB; measure it again")
     return frequency, s21 @ [1, 1j]
 
 
