@@ -23,6 +23,7 @@ from erm.common.usage import shortened
 
 if TYPE_CHECKING:
     import h5py
+    import numpy as np
     import xarray as xr
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.%10d"
@@ -159,6 +160,12 @@ def _read(member: Dataset, dimensions: list[str]) -> "xr.Variable":
                 f"{member.path}: attribute {key} of {name} is {shortened(attributes[key])}; expected one "
                 f"{'text' if text else 'number'}"
             )
+    if values.dtype.kind in "iu":
+        for key in {"_FillValue", "missing_value"} & attributes.keys():
+            if not float(attributes[key]).is_integer():  # NaN, as of real numbers
+                raise DataError(
+                    f"{member.path}: attribute {key} of {name} is {attributes[key]}; expected a whole number"
+                )
     return xr.Variable(dimensions, values, attributes)
 
 
@@ -169,14 +176,14 @@ def _dimensions(members: Mapping[str, Dataset]) -> dict[str, list[str]]:
     which HDF5 reads for seconds where a length is damaged.
     """
     import h5py
-    import numpy as np
 
-    attached: dict[tuple[str, int], str] = {}
-    for name, member in members.items():
-        listed = np.atleast_1d(member.attrs.get("REFERENCE_LIST", []) if member.is_scale else [])
-        for reference, axis in listed.tolist() if len(listed.dtype.names or ()) == 2 else ():
-            variable = h5py.h5r.get_name(reference, member.node.id).decode().rpartition("/")[2]
-            attached.setdefault((variable, axis), name)
+    places = {h5py.h5o.get_info(member.node.id).addr: name for name, member in members.items()}
+    attached = {
+        (places.get(place), axis): name
+        for name, member in members.items()
+        if member.is_scale
+        for place, axis in _attached(member).tolist()
+    }
     named: dict[str, list[str]] = {}
     for name, member in members.items():
         if member.is_scale and member.ndim == 1:
@@ -186,6 +193,29 @@ def _dimensions(members: Mapping[str, Dataset]) -> dict[str, list[str]]:
         again = [called[:axis].count(one) for axis, one in enumerate(called)]
         named[name] = [f"{one}_{count}" if count else one for one, count in zip(called, again, strict=True)]
     return named
+
+
+def _attached(scale: Dataset) -> "np.ndarray":
+    """Place in the file of each variable that a scale belongs to, and its axis.
+
+    HDF5 would look for the name of a reference in all groups, and crash where they are nested too deeply.
+    """
+    import h5py
+    import numpy as np
+
+    if "REFERENCE_LIST" not in scale.attrs:
+        return np.zeros(0, "<u8,<u4")
+    listed = scale.node.attrs.get_id("REFERENCE_LIST")
+    kind = listed.get_type()
+    if kind.get_class() != h5py.h5t.COMPOUND or kind.get_member_type(0) != h5py.h5t.STD_REF_OBJ:
+        raise DataError(f"{scale.path}: {scale.name} is an axis of {kind.dtype}; expected references to variables")
+    scale.attrs.require_size("REFERENCE_LIST")
+    raw = np.empty(listed.shape, f"V{kind.get_size()}")
+    listed.read(raw, kind)
+    names = [kind.get_member_name(number).decode() for number in (0, 1)]
+    places = [kind.get_member_offset(number) for number in (0, 1)]
+    layout = np.dtype({"names": names, "formats": ["<u8", "<u4"], "offsets": places, "itemsize": kind.get_size()})
+    return np.ravel(raw.view(layout))
 
 
 def _single(value: Any) -> Any:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
@@ -57,6 +58,7 @@ def draw_product(product: Path, out: Path, *, suffix: str = "png", axes: Sequenc
     require_axes(
         mpc, product, dict.fromkeys(("delay", "azimuth", "azimuth_std", "path_gain", "path_gain_std"), ("mpc",))
     )
+    _require_delays(mpc, product)
     polar, cartesian, profile = axes = axes or product_axes()
     figures.daps_polar([(name, daps)], cast(PolarAxes, polar))
     figures.daps_cartesian(daps, cartesian, mpc=mpc).set_title(name)
@@ -124,11 +126,15 @@ def _groups(product: Path, *others: str) -> tuple[Any, ...]:
     scan = ("azimuth", "elevation")
     require_axes(daps, product, {"daps": (*scan, "delay"), "noise_floor": scan, "pdp": ("delay",)})
     require_axes(daps, product, {name: (name,) for name in (*scan, "delay")})
-    if not (np.abs(daps["delay"].values) <= MAX_DELAY).all():
-        raise DataError(f"{product}: a delay of the DAPS is no number or above 1 ms; process the recording again")
+    _require_delays(daps, product)
     if not daps["daps"].size or "position" not in root or root["position"].size != 1:
         raise DataError(f"{product}: holds no direction or no position; expected a product of `sounder process`")
     return str(root["position"].values.ravel()[0]), daps, *rest
+
+
+def _require_delays(dataset: xr.Dataset, product: Path) -> None:
+    if not (np.abs(dataset["delay"].values) <= MAX_DELAY).all():
+        raise DataError(f"{product}: a delay is no number or above 1 ms; process the recording again")
 
 
 def _polar(figure: Figure) -> PolarAxes:

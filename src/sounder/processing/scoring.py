@@ -54,7 +54,9 @@ def score_products(
         try:
             mpcs, complaints, root = _read(product)
             # a product without MPCs is about a position, too
-            positions = np.unique((mpcs if root is None else root)["position"].values.astype(str)).tolist()
+            positions = np.unique(
+                (mpcs if root is None or "position" not in root else root)["position"].values.astype(str)
+            ).tolist()
             if unknown := sorted(set(positions) - set(names)):
                 known = ", ".join(sorted(set(names))[:3])
                 raise DataError(f"{product}: position {unknown[0]} is not in {truth}, which holds {known} and others")

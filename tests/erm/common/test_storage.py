@@ -139,6 +139,24 @@ def test_axes_are_known_from_their_scales_alone(tmp_path):
         xr.testing.assert_identical(open_group(tmp_path / "p.h5", name), dataset)
 
 
+def test_a_file_of_groups_that_are_nested_deeply_is_read(tmp_path):
+    """HDF5 crashes where it looks for the name of a reference in such groups."""
+    write_product(groups(), tmp_path / "p.h5")
+    with h5py.File(tmp_path / "p.h5", "r+") as file:
+        node = file.create_group("deep").id
+        for _ in range(20_000):
+            node = h5py.h5g.create(node, b"d")
+    xr.testing.assert_identical(open_group(tmp_path / "p.h5", "/"), groups()["/"])
+
+
+def test_whole_numbers_have_a_whole_number_in_place_of_what_is_missing(tmp_path):
+    with h5py.File(tmp_path / "p.h5", "w") as file:
+        file["v"] = np.arange(3)
+        file["v"].attrs["_FillValue"] = np.nan
+    with pytest.raises(DataError, match=r"p\.h5: attribute _FillValue of v is nan; expected a whole number"):
+        open_group(tmp_path / "p.h5")
+
+
 def test_axes_without_a_name_get_one(tmp_path):
     with h5py.File(tmp_path / "p.h5", "w") as file:
         file["a"], file["b"] = np.zeros((3, 3, 3)), np.zeros(2)

@@ -26,15 +26,19 @@ class Attributes(Mapping[str, Any]):
             if name not in self:
                 raise KeyError(name)
             with refused(self._path, f"attribute {name}: "):
-                attribute = self._node.get_id(name)
-                kind = attribute.get_type()
-                if kind.get_class() == h5t.VLEN:  # a text has a class of its own; HDF5 may crash on damaged lists
+                self.require_size(name)
+                if self._node.get_id(name).get_type().get_class() == h5t.VLEN:
+                    # a text has a class of its own; HDF5 may crash on damaged lists
                     raise DataError(f"{self._path}: attribute {name} is a list; expected a text or numbers")
-                length = prod(attribute.shape) * kind.get_size()
-                if length > MAX_TEXT:
-                    raise DataError(f"{self._path}: attribute {name} has {limits.size(length)}; expected less")
                 self._read[name] = _decoded(self._node[name])
         return self._read[name]
+
+    def require_size(self, name: str) -> None:
+        """Refuse an attribute that is too large to be read."""
+        attribute = self._node.get_id(name)
+        length = prod(attribute.shape) * attribute.get_type().get_size()
+        if length > MAX_TEXT:
+            raise DataError(f"{self._path}: attribute {name} has {limits.size(length)}; expected less")
 
     def __contains__(self, name: object) -> bool:
         with refused(self._path, "attributes: "):

@@ -124,6 +124,8 @@ def number(columns: Columns, name: str, count: int) -> np.ndarray:
     """Column of numbers; missing columns and cells get the values of `DEFAULTS` and `MISSING`."""
     if name not in columns:
         return np.full(count, DEFAULTS[name], dtype=float)
+    if np.iscomplexobj(columns[name]):
+        raise DataError(f"column {name} holds complex numbers; expected real ones")
     try:
         values = np.array([np.nan if cell in (None, "") else cell for cell in columns[name]], dtype=float)
     except (TypeError, ValueError) as error:
