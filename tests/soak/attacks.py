@@ -182,7 +182,8 @@ def kill(folder: Path, count: int, rng: np.random.Generator, _: Namespace) -> Ta
             found = [what for what, is_so in wrong.items() if is_so]
             tally.seen.update([name])
             if found:
-                tally.note(f"kill {number}, {words[:2]}, {name}", Ended(0, again.said, wrong=found))
+                said = f"{ended.code}: {ended.said} | {again.code}: {again.said}"
+                tally.note(f"kill {number}, {words[:2]}, {name}", Ended(0, said, wrong=found))
             if rng.integers(3):
                 shutil.rmtree(out)
         shutil.rmtree(out, ignore_errors=True)

@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from erm.common.atomic import atomic_path
 from erm.common.errors import DataError, OptionError, internal_error, with_traceback
 from erm.common.gate import limits
+from erm.common.interrupts import interrupt, interrupted, listen, raise_lost_interrupt, terminated
 from erm.common.launch import INTERRUPTED
 from erm.common.messages import Loudness, detail, failure, loudness
 from erm.common.printable import printable
@@ -44,30 +44,22 @@ def run(app: "typer.Typer") -> None:
     """
     usual = sys.unraisablehook
     try:
-        _listen(_interrupt)
+        listen(interrupt)
         sys.unraisablehook = _unraisable
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # the terminal may lack a letter of a name
         code = _run(app)
-        _listen(signal.SIG_DFL)  # nothing is left to clean up
+        listen(signal.SIG_DFL)  # nothing is left to clean up
         if sys.stdout is not None:
             sys.stdout.flush()
     except KeyboardInterrupt:
         code = _stopped()
     except OSError as error:
-        code = _stopped() if _interrupted.is_set() else _output_failed(error)
+        code = _stopped() if interrupted.is_set() else _output_failed(error)
     finally:
         sys.unraisablehook = usual
     raise SystemExit(code)
-
-
-def _listen(handler: Any) -> None:
-    """Set what happens on Ctrl-C and SIGTERM."""
-    _interrupted.clear()
-    _terminated.clear()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, handler)
 
 
 def _run(app: "typer.Typer") -> int:
@@ -83,7 +75,7 @@ def _run(app: "typer.Typer") -> int:
         raise
     except Exception as error:
         cause = error.__cause__ or error if isinstance(error, Abort) else error
-        if _interrupted.is_set():  # some libraries make errors of their own of it
+        if interrupted.is_set():  # some libraries make errors of their own of it
             return _stopped()
         if isinstance(cause, DataError):
             failure(str(cause))
@@ -102,7 +94,7 @@ def _run(app: "typer.Typer") -> int:
 def _stopped() -> int:
     """Say that the command was asked to end."""
     print("interrupted; finished files are complete, unfinished ones were removed", file=sys.stderr)
-    return TERMINATED if _terminated.is_set() else INTERRUPTED
+    return TERMINATED if terminated.is_set() else INTERRUPTED
 
 
 def _output_failed(error: OSError) -> int:
@@ -118,29 +110,10 @@ def _output_failed(error: OSError) -> int:
     return DATA_FAILED
 
 
-_terminated = Event()
-_interrupted = Event()
-
-
-def _interrupt(number: int, frame: object) -> None:
-    """Raise KeyboardInterrupt and remember it: libraries lose what is raised within their callbacks."""
-    _interrupted.set()
-    if number == signal.SIGTERM:
-        _terminated.set()
-    signal.default_int_handler(number, None)
-
-
 def _unraisable(lost: "sys.UnraisableHookArgs") -> None:
-    """Print nothing for a lost KeyboardInterrupt: `_raise_lost_interrupt` raises it again."""
+    """Print nothing for a lost KeyboardInterrupt: `raise_lost_interrupt` raises it again."""
     if not issubclass(lost.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(lost)
-
-
-def _raise_lost_interrupt() -> None:
-    """Raise KeyboardInterrupt again if a library lost one."""
-    if _interrupted.is_set():
-        _interrupted.clear()
-        raise KeyboardInterrupt
 
 
 def add_options(app: "typer.Typer", examples: Mapping[str, Sequence[str]]) -> None:
@@ -295,7 +268,7 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
             with _bar(label, total) as advance:
                 yield advance
         else:
-            yield _raise_lost_interrupt
+            yield raise_lost_interrupt
 
 
 @contextmanager
@@ -317,6 +290,6 @@ def _bar(label: str, total: int) -> Iterator[Callable[[], None]]:
 
         def advance() -> None:
             bar.advance(task)
-            _raise_lost_interrupt()
+            raise_lost_interrupt()
 
         yield advance

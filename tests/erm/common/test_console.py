@@ -1,8 +1,10 @@
 """Exit codes, tables, complaints and progress, on a terminal and in a pipe."""
 
+import contextlib
 import signal
 import sys
 from enum import StrEnum
+from pathlib import Path
 from threading import Event
 from typing import Annotated
 
@@ -15,6 +17,7 @@ from matplotlib.patches import Rectangle
 
 from erm.common import console, errors
 from erm.common.errors import DataError, OptionError
+from erm.common.gate.damage import refused
 
 
 def exit_code(body, arguments=()) -> int:
@@ -232,6 +235,25 @@ def test_an_interrupt_that_a_library_makes_an_error_of_is_no_error_of_a_file(cap
     assert exit_code(body) == console.TERMINATED
     assert capsys.readouterr().err == "interrupted; finished files are complete, unfinished ones were removed\n"
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL  # what comes later ends the process without a word
+
+
+@pytest.mark.usefixtures("handlers")
+@pytest.mark.parametrize("swallowed", [True, False])
+def test_an_interrupt_within_hdf5_is_no_damage_that_a_batch_goes_on_after(swallowed, capsys):
+    gone_on = []
+
+    def body() -> None:
+        with contextlib.suppress(DataError), refused(Path("x.h5")):
+            try:
+                signal.raise_signal(signal.SIGTERM)
+            except KeyboardInterrupt:
+                if not swallowed:
+                    raise RuntimeError("object visitation failed") from None
+        gone_on.append("next file")
+
+    assert exit_code(body) == console.TERMINATED
+    assert not gone_on
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 @pytest.mark.usefixtures("handlers")

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from erm.common.errors import DataError
+from erm.common.interrupts import raise_lost_interrupt
 
 
 @contextmanager
@@ -18,7 +19,9 @@ def refused(path: Path, what: str = "") -> Iterator[None]:
     except MemoryError:
         raise DataError(f"{path}: {what}does not fit into memory") from None
     except Exception as error:  # h5py raises errors of many types for damaged files
+        raise_lost_interrupt()
         raise damaged(path, error, what) from None
+    raise_lost_interrupt()  # HDF5 may have ended a list of members early
 
 
 def damaged(path: Path, error: Exception, what: str = "") -> DataError:
