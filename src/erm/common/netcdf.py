@@ -205,11 +205,10 @@ def _attached(scale: Dataset) -> "np.ndarray":
 
     if "REFERENCE_LIST" not in scale.attrs:
         return np.zeros(0, "<u8,<u4")
-    listed = scale.node.attrs.get_id("REFERENCE_LIST")
+    listed = scale.attrs.sized("REFERENCE_LIST")
     kind = listed.get_type()
     if kind.get_class() != h5py.h5t.COMPOUND or kind.get_member_type(0) != h5py.h5t.STD_REF_OBJ:
         raise DataError(f"{scale.path}: {scale.name} is an axis of {kind.dtype}; expected references to variables")
-    scale.attrs.require_size("REFERENCE_LIST")
     raw = np.empty(listed.shape, f"V{kind.get_size()}")
     listed.read(raw, kind)
     names = [kind.get_member_name(number).decode() for number in (0, 1)]

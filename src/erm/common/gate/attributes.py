@@ -3,13 +3,19 @@
 from collections.abc import Iterator, Mapping
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from erm.common.errors import DataError
 from erm.common.gate import limits
 from erm.common.gate.damage import refused
 from erm.common.gate.limits import MAX_TEXT
 from erm.common.printable import printable
+
+if TYPE_CHECKING:
+    from h5py.h5a import AttrID
+
+MAX_ATTRIBUTES = 1000
+"""Most attributes of a member that are listed; chosen. One that is named is found among any number."""
 
 
 class Attributes(Mapping[str, Any]):
@@ -26,25 +32,27 @@ class Attributes(Mapping[str, Any]):
             if name not in self:
                 raise KeyError(name)
             with refused(self._path, f"attribute {name}: "):
-                self.require_size(name)
-                if self._node.get_id(name).get_type().get_class() == h5t.VLEN:
+                if self.sized(name).get_type().get_class() == h5t.VLEN:
                     # a text has a class of its own; HDF5 may crash on damaged lists
                     raise DataError(f"{self._path}: attribute {name} is a list; expected a text or numbers")
                 self._read[name] = _decoded(self._node[name])
         return self._read[name]
 
-    def require_size(self, name: str) -> None:
-        """Refuse an attribute that is too large to be read."""
+    def sized(self, name: str) -> "AttrID":
+        """Attribute of HDF5, which is refused where it is too large to be read."""
         attribute = self._node.get_id(name)
         length = prod(attribute.shape) * attribute.get_type().get_size()
         if length > MAX_TEXT:
             raise DataError(f"{self._path}: attribute {name} has {limits.size(length)}; expected less")
+        return attribute
 
     def __contains__(self, name: object) -> bool:
         with refused(self._path, "attributes: "):
             return isinstance(name, str) and name in self._node
 
     def __iter__(self) -> Iterator[str]:
+        if (count := len(self)) > MAX_ATTRIBUTES:  # HDF5 compares a name with all others
+            raise DataError(f"{self._path}: {count} attributes of one member; expected at most {MAX_ATTRIBUTES}")
         with refused(self._path, "attributes: "):
             names = list(self._node)
         return iter(names)

@@ -211,6 +211,17 @@ def test_texts_longer_than_their_file_are_refused_before_memory_is_taken(tmp_pat
         file["x"].texts()
 
 
+def test_more_attributes_than_a_member_can_use_are_refused_at_once(tmp_path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for number in range(1001):
+            file.attrs[f"a{number}"] = number
+    with open_hdf5(path) as file:
+        assert file.attrs["a7"] == 7
+        with pytest.raises(DataError, match=r"a\.h5: 1001 attributes of one member; expected at most 1000"):
+            dict(file.attrs)
+
+
 def test_an_attribute_of_lists_is_refused_without_reading_it(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         lists = np.empty(1, object)
