@@ -24,7 +24,7 @@ from erm.common.gate import confined, limits
 from sounder.figures.files import draw_elevations, draw_overlay, draw_product, product_axes
 from sounder.kernels.compiler.machine import processors
 
-PRODUCTS_PER_PROCESS = 8
+PRODUCTS_PER_PROCESS = 10
 """Fewest products for each process: at least twice as many as are drawn while one starts, by
 benchmarks/figures.py. With fewer it would gain less than it costs."""
 
