@@ -118,7 +118,7 @@ class Paths:
         What the beams together and the pattern predict [dB over the noise].
     unseen : array (path,)
         Power that a beam about the path's own lacks, in which the path must be seen from wherever in the main lobe of
-        its own it comes [dB]; 0 if there is none.
+        its own it comes [dB]; 0 if there is none, or if the path is consistent.
     consistent : array (path,)
         Whether one direction explains most beams, so that the prediction can be trusted.
     """
@@ -162,9 +162,11 @@ def find_paths(snr: NDArray[np.floating], near: Neighbours) -> Paths:
     coarse = near.gain[beam]
     best, expected = _fit(seen, coarse, around)
     best, expected = _fit(seen, _between(coarse, best), around)
-    paths = Paths(beam, delay, around, seen, expected, _unseen(seen, coarse, around), np.zeros(beam.size, bool))
+    paths = Paths(beam, delay, around, seen, expected, np.zeros(beam.size), np.zeros(beam.size, bool))
     agree, clear = paths.agree.sum(axis=1), paths.clear.sum(axis=1)
     paths.consistent[:] = (agree >= MIN_BEAMS) & (agree >= MIN_SHARE * clear)
+    alone = np.flatnonzero(~paths.consistent)
+    paths.unseen[alone] = _unseen(seen[alone].astype(np.float32), coarse[alone], around[alone])
     return paths
 
 
@@ -203,7 +205,7 @@ def _fit(seen: Real, gain: NDArray[np.floating], around: Integers) -> tuple[Inte
     return best, expected[np.arange(best.size), best]
 
 
-def _unseen(seen: Real, gain: NDArray[np.floating], around: Integers) -> Real:
+def _unseen(seen: NDArray[np.floating], gain: NDArray[np.floating], around: Integers) -> Real:
     """Power that beams about each path's own lack (path,) [dB]; 0 if some direction in its main lobe explains most.
 
     From whatever direction in its main lobe that its own beam sees best the path comes, most of the other beams that
