@@ -180,6 +180,11 @@ def unresolved_power(found: Paths, power: Real, residual: Residual, scan: Scan) 
     between them if it continues evenly in decibels. One neighbour on one side, such as the ground reflection after a
     direct path, is no density.
 
+    Scattering of a path's own begins with the path, and nothing is before it. It follows all paths of a position alike:
+    after each it has a share of the path's power, for which the median over the position stands. The less of that and
+    of what is after this path is its tail, which fills half of the pulse; a neighbour that the others do not have is
+    none. The larger of the two densities counts.
+
     Parameters
     ----------
     found, power, residual, scan
@@ -195,9 +200,9 @@ def unresolved_power(found: Paths, power: Real, residual: Residual, scan: Scan) 
     lag = (np.arange(pulse.size) - pulse.size // 2) / OVERSAMPLING
     pulse[np.abs(lag) > MAIN_LOBE * scan.resolution] = 0.0
     received = power * found["amplitude"][:, None] ** 2
-    density = np.empty((len(found), 2))
+    density, own = np.empty((len(found), 2)), np.empty(len(found))
     for p, (beam, weight) in enumerate(zip(*best_beams(power), strict=True)):
-        delay = found["delay"][p]
+        delay, own[p] = found["delay"][p], received[p, beam] @ weight
         late = scan.delay_after(found["delay"], delay)
         near = np.abs(late) < ring[-1] + MAIN_LOBE * scan.resolution
         others = np.flatnonzero(near & (np.arange(len(found)) != p))
@@ -210,4 +215,6 @@ def unresolved_power(found: Paths, power: Real, residual: Residual, scan: Scan) 
                 around = np.abs(residual[beam[:, None], (start + samples) % scan.period]) ** 2
                 excess = weight @ np.where(weight > 0, around.mean(axis=1), 0.0) - noise
                 density[p, side] += excess if excess > noise else 0.0
-    return np.sqrt(density[:, 0] * density[:, 1])
+    before, after = density.T
+    tail = np.minimum(after, own * np.median(after / own)) if len(found) else after
+    return np.maximum(np.sqrt(before * after), tail / 2)
