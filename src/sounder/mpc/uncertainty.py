@@ -216,5 +216,5 @@ def unresolved_power(found: Paths, power: Real, residual: Residual, scan: Scan) 
                 excess = weight @ np.where(weight > 0, around.mean(axis=1), 0.0) - noise
                 density[p, side] += excess if excess > noise else 0.0
     before, after = density.T
-    tail = np.minimum(after, own * np.median(after / own)) if len(found) else after
-    return np.maximum(np.sqrt(before * after), tail / 2)
+    share = np.quantile(after / own, 0.5, method="lower") if len(found) else 0.0
+    return np.maximum(np.sqrt(before * after), np.minimum(after, share * own) / 2)

@@ -73,6 +73,40 @@ def test_density_is_interpolated_in_decibels_and_one_sided_is_none(bench, scan):
     assert density(residual=residual)[0] == pytest.approx(3.0 - 1.0, rel=1e-6)
 
 
+def test_what_follows_all_paths_alike_is_their_tail_and_fills_half_of_the_pulse(scan):
+    found = records(*((delay, 40.0, 0.0, 1.0) for delay in (100.0, 300.0, 500.0)))
+    residual = np.zeros((108, 1022), np.complex64)
+    for delay in (104, 304):
+        residual[:, delay] = np.sqrt(5 * 3.0)  # a mean of 3 over the 5 samples from 2 to 6, of which 1 is noise
+    power = beam_power(found, scan)
+    assert unresolved_power(found, power, residual, scan) == pytest.approx([1.0, 1.0, 0.0], rel=1e-6)
+    residual[:, 304] = 0.0  # one of three has a neighbour: no tail
+    assert np.all(unresolved_power(found, power, residual, scan) == 0.0)
+
+
+@pytest.mark.slow
+def test_azimuths_of_paths_with_tails_are_as_stated(bench):
+    """Rays 10 to 25 dB under each of three paths, after it and never before."""
+    rng = np.random.default_rng(5)
+    deviation = []
+    for seed in range(12):
+        paths = [(-100.0, 1e-9 * t, rng.uniform(0, 360), rng.uniform(-5, 5)) for t in (150, 350, 550)]
+        rays = [
+            (gain - rng.uniform(10, 25), t + rng.exponential(3e-9), a + rng.normal(0, 6), e + rng.normal(0, 3))
+            for gain, t, a, e in paths
+            for _ in range(8)
+        ]
+        cir = bench.scan([*paths, *rays], noise=-100.0 + HORN - 50.0, seed=seed)
+        table = extract_mpcs(cir, bench.filter_, bench.sounder)
+        for path in paths:
+            best = table.isel(mpc=np.argmin(np.abs(table["delay"].values - path[1])))
+            error = (float(best["azimuth"]) - path[2] + 180) % 360 - 180
+            deviation.append(error / float(best["azimuth_std"]))
+    # without the tails one of four is beyond 3.7
+    assert np.mean(np.abs(deviation) > 3.7) < 0.06
+    assert np.mean(np.abs(deviation) < 2) > 0.8
+
+
 @pytest.mark.slow
 def test_errors_among_scattered_rays_are_as_stated(bench):
     """Rays 25 dB under a path, one in 0.6 ns: they move its delay by many times what the noise does."""

@@ -271,12 +271,19 @@ def _angle_range(wall: Wall) -> float:
 
 
 def _log_odds_of_elevation(wall: Wall) -> float:
-    """Log odds of the mean elevation to be that of a vertical wall, at most 0: chains off vertical walls have the same.
+    """Log odds of the elevations to be those off a vertical wall and not off by a mean of their own, at most 0.
 
-    The errors of elevations common to all paths, `ELEVATION_STD`, are not averaged.
+    Chains off vertical walls have the same elevations, those off floors and ceilings others, alike in all paths. A
+    `STRAY_SHARE` of the paths has elevations that say nothing, as of two paths that were taken for one. The errors of
+    elevations common to all paths are `ELEVATION_STD`.
     """
-    mean, error = wall.mean_elevation_excess
-    return -(mean**2) / (2 * (error**2 + ELEVATION_STD**2))
+    paths = wall.thinned(MAX_TESTED_PATHS).paths
+    known = np.isfinite(paths.elevation_excess)
+    excess, std = paths.elevation_excess[known], paths.elevation_std[known]
+    mean = np.append(excess, 0.0)
+    kept = np.exp(-(((excess - mean[:, None]) / std) ** 2) / 2)
+    log_likelihood = np.log((1 - STRAY_SHARE) * kept + STRAY_SHARE).sum(axis=1)
+    return float((log_likelihood - (mean / ELEVATION_STD) ** 2 / 2).max() - log_likelihood.max())
 
 
 def _arrivals(walls: Sequence[Wall]) -> list[float]:

@@ -65,15 +65,6 @@ class Wall:
         """Chi-squared per degree of freedom; far above 1 where the standard errors are too small."""
         return float(np.sum(self.chi_squared) / max(2 * self.support - 2, 1))
 
-    @property
-    def mean_elevation_excess(self) -> tuple[float, float]:
-        """Weighted mean of the elevations minus those of vertical walls, and its standard error [degree]."""
-        known = np.isfinite(self.paths.elevation_excess)
-        if not known.any():
-            return 0.0, np.inf
-        weight = 1 / self.paths.elevation_std[known] ** 2
-        return float(np.sum(weight * self.paths.elevation_excess[known]) / weight.sum()), float(weight.sum() ** -0.5)
-
     @cached_property
     def cos_incidence(self) -> FloatArray:
         """Cosine (inlier,) of the angle of incidence, in three dimensions."""
