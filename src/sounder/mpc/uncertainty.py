@@ -181,9 +181,9 @@ def unresolved_power(found: Paths, power: Real, residual: Residual, scan: Scan) 
     direct path, is no density.
 
     Scattering of a path's own begins with the path, and nothing is before it. It follows all paths of a position alike:
-    after each it has a share of the path's power, for which the median over the position stands. The less of that and
-    of what is after this path is its tail, which fills half of the pulse; a neighbour that the others do not have is
-    none. The larger of the two densities counts.
+    after each it has a share of the path's power, for which the median over the position stands, and 0 of one path more.
+    The less of that and of what is after this path is its tail, which fills half of the pulse; a neighbour that the
+    others do not have is none. The larger of the two densities counts.
 
     Parameters
     ----------
@@ -216,5 +216,5 @@ def unresolved_power(found: Paths, power: Real, residual: Residual, scan: Scan) 
                 excess = weight @ np.where(weight > 0, around.mean(axis=1), 0.0) - noise
                 density[p, side] += excess if excess > noise else 0.0
     before, after = density.T
-    share = np.quantile(after / own, 0.5, method="lower") if len(found) else 0.0
+    share = np.quantile(np.append(after / own, 0.0), 0.5, method="lower")
     return np.maximum(np.sqrt(before * after), np.minimum(after, share * own) / 2)

@@ -74,13 +74,13 @@ def test_density_is_interpolated_in_decibels_and_one_sided_is_none(bench, scan):
 
 
 def test_what_follows_all_paths_alike_is_their_tail_and_fills_half_of_the_pulse(scan):
-    found = records(*((delay, 40.0, 0.0, 1.0) for delay in (100.0, 300.0, 500.0)))
+    found = records(*((delay, 40.0, 0.0, 1.0) for delay in (100.0, 300.0, 500.0, 700.0)))
     residual = np.zeros((108, 1022), np.complex64)
-    for delay in (104, 304):
+    for delay in (104, 304, 504):
         residual[:, delay] = np.sqrt(5 * 3.0)  # a mean of 3 over the 5 samples from 2 to 6, of which 1 is noise
     power = beam_power(found, scan)
-    assert unresolved_power(found, power, residual, scan) == pytest.approx([1.0, 1.0, 0.0], rel=1e-6)
-    residual[:, 304] = 0.0  # one of three has a neighbour: no tail
+    assert unresolved_power(found, power, residual, scan) == pytest.approx([1.0, 1.0, 1.0, 0.0], rel=1e-6)
+    residual[:, [304, 504]] = 0.0  # one of four has a neighbour: no tail
     assert np.all(unresolved_power(found, power, residual, scan) == 0.0)
 
 
