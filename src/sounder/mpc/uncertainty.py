@@ -181,9 +181,9 @@ def unresolved_power(found: Paths, power: Real, residual: Residual, scan: Scan) 
     direct path, is no density.
 
     Scattering of a path's own begins with the path, and nothing is before it. It follows all paths of a position alike:
-    after each it has a share of the path's power, for which the median over the position stands, and 0 of one path more.
-    The less of that and of what is after this path is its tail, which fills half of the pulse; a neighbour that the
-    others do not have is none. The larger of the two densities counts.
+    after each it has a share of the path's power, for which the median over the position stands, with 0 of one path
+    more. The less of that and of what is after this path is its tail, which fills half of the pulse; a neighbour that
+    the others do not have is none. The larger of the two densities counts.
 
     Parameters
     ----------
