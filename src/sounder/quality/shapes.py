@@ -63,8 +63,8 @@ class Shapes:
     def explain_loss(self, delays: Delays, later: NDArray[np.bool_], shift: int) -> bool:
         """Whether beams after a loss of samples hold what those before it see, later by its shift.
 
-        A loss shifts all of them: each that is explained without the shift stands against as many as a loss must make
-        agree.
+        A loss shifts all of them, but where it began is not known to a direction: those explained without the shift
+        stand against as many, and `LEAST_GAIN` must remain.
 
         Parameters
         ----------
@@ -84,4 +84,4 @@ class Shapes:
             for row in np.flatnonzero(rows & later) if before.sum() > 1 else ():
                 shifted += self.explains(delays, before, int(row), shift)
                 unshifted += self.explains(delays, before, int(row), 0)
-        return shifted >= LEAST_GAIN * (1 + unshifted)
+        return shifted > LEAST_GAIN + unshifted
