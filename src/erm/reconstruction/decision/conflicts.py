@@ -120,6 +120,12 @@ class Conflicts:
         sizes = np.sort(np.diff(np.flatnonzero(np.r_[True, parted, True])))
         return int(np.count_nonzero(np.cumsum(sizes) > strays))
 
+    def rivals(self, wall: int, accepted: BoolArray) -> list[int]:
+        """Accepted candidates whose paths or faces cross those of a candidate."""
+        face, owner = self._face[self._by_owner[wall]], self._owner[self._by_face[wall]]
+        others = np.unique(np.concatenate([face, owner[owner != DIRECT_PATH]]))
+        return [int(other) for other in others if accepted[other]]
+
     def shadowing(self, wall: int, accepted: BoolArray) -> tuple[float, float]:
         """Probability that accepted candidates obstruct a candidate's legs from transmitters, and from receivers.
 

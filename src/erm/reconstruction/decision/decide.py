@@ -157,6 +157,24 @@ class Candidates:
         of_curved = 2 * len(np.unique(path[others[known]])) > self.walls[wall].support
         return Reason.MULTIPLE_REFLECTION if of_curved or self._is_multi_bounce[key] else None
 
+    def exchange(self, accepted: BoolArray) -> bool:
+        """Accept a candidate in place of one that it obstructs and explains; whether there is one.
+
+        A chain off two walls that is plausible alone is accepted before the weaker of them, and then obstructs it.
+        """
+        for wall in self.order:
+            if accepted[wall] or self.log_odds(wall) < 0:
+                continue
+            for rival in self._conflicts.rivals(wall, accepted):
+                trial = accepted.copy()
+                trial[wall], trial[rival] = True, False
+                if self.reason_against(wall, trial) is None and (
+                    self.reason_against(rival, trial) is Reason.MULTIPLE_REFLECTION
+                ):
+                    accepted[:] = trial
+                    return True
+        return False
+
     def _log_odds_beside(self, wall: int, accepted: BoolArray) -> float:
         """`log_odds`, less if accepted candidates may obstruct the wall.
 
@@ -223,7 +241,7 @@ def decide_walls(
         before = accepted.copy()
         for i in ranked.order:
             accepted[i] = ranked.reason_against(i, accepted) is None
-        if np.array_equal(before, accepted):
+        if np.array_equal(before, accepted) and not ranked.exchange(accepted):
             break
     reasons = [
         (walls[i], ranked.reason_against(i, accepted) or Reason.OBSTRUCTION) for i in np.flatnonzero(~accepted).tolist()
