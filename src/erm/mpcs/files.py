@@ -34,9 +34,10 @@ ABSENT_ALLOWED = ("path_gain",)
 """Columns of `COLUMNS` that a file may lack."""
 MAX_DELAY = 1e-3
 """Longest delay that is accepted, 300 km [s]. A longer one is in a wrong unit."""
-LARGEST_STD = {"delay_std": MAX_DELAY, "azimuth_std": 180.0, "elevation_std": 180.0, "path_gain_std": 1000.0}
-"""Largest standard deviations [s], [degree], [dB]: what is beyond is no error of such a value, or in another unit. That
-of the gain is chosen."""
+MOST_GAIN = 1000.0
+"""Largest gain and error of a gain that are accepted [dB]: sums of such powers, and their squares, are numbers."""
+LARGEST_STD = {"delay_std": MAX_DELAY, "azimuth_std": 180.0, "elevation_std": 180.0, "path_gain_std": MOST_GAIN}
+"""Largest standard deviations [s], [degree], [dB]: what is beyond is no error of such a value, or in another unit."""
 MAX_DELAY_RATIO = 50.0
 """Length of a typical path over the distance of its antennas, at most; chosen."""
 
@@ -347,6 +348,7 @@ def _checked(
             "frequency is not positive": ~(table["frequency"].values > 0),
             "delay or azimuth is NaN": ~np.isfinite(delay + table["azimuth"].values),
             f"delay is above 1 ms; expected seconds{_unit_of(delay, direct)}": delay > MAX_DELAY,
+            f"path_gain is above {MOST_GAIN:g} dB": table["path_gain"].values > MOST_GAIN,
         }
     kept = np.ones(table.sizes["mpc"], dtype=bool)
     problems = []

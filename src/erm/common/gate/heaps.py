@@ -57,7 +57,7 @@ def _damaged(path: str, modified: int, size: int) -> int | None:  # time and siz
             for place in _heaps(file, begin, first):
                 file.seek(place + len(BEGINNING))
                 claimed = int.from_bytes(file.read(8), "little")
-                if claimed <= size - place and not _ends(file.read(claimed - OBJECT.size)):
+                if claimed < OBJECT.size or (claimed <= size - place and not _ends(file.read(claimed - OBJECT.size))):
                     return place
             begin = max(begin, first + length)
     return None
