@@ -152,6 +152,7 @@ def test_bytes_are_no_table(tmp_path: Path):
         ("position", "", "position has no name"),
         ("frequency", "0", "frequency is not positive"),
         ("delay", "300", "expected seconds"),
+        ("path_gain", "1e5", "path_gain is above 1000 dB"),
     ],
 )
 def test_a_bad_row_is_dropped_and_reported_and_the_others_kept(tmp_path: Path, column, value, complaint):
