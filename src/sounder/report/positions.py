@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from erm.common.storage import open_groups
+from erm.common.storage import open_groups, require_axes
 from sounder.processing.summary_texts import line_of_sight
 from sounder.quality.table import read_remarks
 from sounder.remark import lines
@@ -31,6 +31,9 @@ def describe_position(product: Path, root: xr.Dataset, located: xr.Dataset) -> d
     """
     name = str(root["position"].item())
     quality, daps, mpc = open_groups(product, "/quality", "/daps", "/mpc")
+    scan = ("azimuth", "elevation")
+    axes = {"daps": (*scan, "delay"), "noise_floor": scan, "pdp": ("delay",)}
+    require_axes(daps, product, axes | {name: (name,) for name in (*scan, "delay")})
     remarks, recorded = read_remarks(quality), int(root.attrs["recorded_directions"])
     tx, rx = (root[f"{end}_position"].values[0] for end in ("tx", "rx"))
     return {

@@ -41,6 +41,11 @@ def test_figures_name_what_is_no_product_and_draw_the_rest(campaign, products, t
         ("figures", lambda file: file["daps/delay"].write_direct(np.full(file["daps/delay"].shape, 1e308)), "a delay"),
         ("figures", lambda file: file["mpc/delay"].write_direct(np.full(file["mpc/delay"].shape, 1e308)), "a delay"),
         ("report", lambda file: file.attrs.__delitem__("processing_options"), "has no processing_options"),
+        (
+            "report",
+            lambda file: file["daps/azimuth"].attrs.__delitem__("REFERENCE_LIST"),
+            "daps is float32 along (axis_",
+        ),
         ("report", lambda file: file.attrs.create("input_sha256", "{"), "input_sha256 is '{'; expected a table"),
     ],
 )
