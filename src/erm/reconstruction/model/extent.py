@@ -189,7 +189,7 @@ def fewest_missed(received: int, missed: int) -> int:
     Examples
     --------
     >>> fewest_missed(received=30, missed=0), fewest_missed(received=27, missed=5)
-    (3, 4)
+    (3, 5)
     """
     more = np.arange(1, 2 + received + missed)
     log_chance = betaln(received + 1, missed + more + 1) - betaln(received + 1, missed + 1)
